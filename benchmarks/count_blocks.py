@@ -1,13 +1,12 @@
-"""What a run of blocks costs against plain loops over their contacts, and how much
-faster it could be at best.
+"""Cost of a run of blocks compared with plain loops over their contacts, and its lower
+bound.
 
-A plain loop passes all N contacts of a block in every step: it compares each with its
+A plain loop visits all N contacts of a block in every step: it compares each with its
 threshold, and with the time at which it re-attaches, and sums the forces. `lean` does
 nothing else, on arrays that a compiler turns into vector instructions; `plain` also
-keeps the records that a run keeps (births, delays, a random number for each life).
-
-With s seconds a step of a block, b seconds a break, r breaks for each step, and a loop
-of p seconds a contact and step, the ratio is N p/(s + r b): at most N p/s, however fast
+keeps the records that a run keeps (births, delays, a random number for each life). With
+s seconds per step of a block, b seconds per break, r breaks per step, and a loop of p
+seconds per contact and step, the ratio is N p/(s + r b): at most N p/s, however fast
 breaks are. Run it with ``python benchmarks/count_blocks.py``.
 """
 
@@ -44,8 +43,8 @@ def lean(X, V, birth, threshold, steps, h):
 
 @njit(error_model="numpy")
 def plain(X, V, birth, threshold, ready, steps, h, delay):
-    """The same with the life of every contact: it breaks, waits, and re-attaches
-    with another threshold.
+    """The same with the life of every contact: it breaks, waits, and re-attaches with
+    another threshold.
     """
     total = 0.0
     t = 0.0
@@ -70,8 +69,8 @@ def plain(X, V, birth, threshold, ready, steps, h, delay):
 
 
 def loops(count: int) -> tuple[float, float]:
-    """Seconds a step of a block in the lean loop and in the plain one, contacts
-    attached and some breaking.
+    """Return the seconds per step of a block in the lean loop and in the plain one,
+    with contacts attached and some breaking.
     """
     rng = np.random.default_rng(1)
     X = np.zeros(BLOCKS)
@@ -80,7 +79,7 @@ def loops(count: int) -> tuple[float, float]:
     threshold = birth + rng.normal(2.0, 0.1, birth.shape)
     spent = []
     for run, more in ((lean, ()), (plain, (np.zeros_like(birth),))):
-        for steps in (1, STEPS):  # the first time it is compiled
+        for steps in (1, STEPS):  # the first run compiles it
             given = [a.copy() for a in (X, V, birth, threshold, *more)]
             begin = time.process_time()
             run(*given, steps, 1e-4, *((0.2,) if more else ()))
@@ -90,8 +89,8 @@ def loops(count: int) -> tuple[float, float]:
 
 
 def run_of_blocks(count: int) -> tuple[float, float, float]:
-    """Seconds a step of a block, seconds a break, and breaks for each step, in
-    stick-slip of all blocks.
+    """Return the seconds per step of a block, the seconds per break, and the breaks per
+    step, in stick-slip of all blocks.
     """
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2)

@@ -1,11 +1,11 @@
-"""What bounds the contacts engine, by counting: events, time an event, the closed form
+"""Limits of the contacts engine, by counting: events, time per event, the closed form
 between events, and memory.
 
-``python benchmarks/count_events.py`` prints a table for Fig. 4c, and what a break costs
-with temperature and without. The closed form by itself (take-off, Newton's method to
-the next event, energies) is timed on short flights, each waiting for the one before as
-in the engine; a random read of memory, in a chain through as many bytes as contacts
-take.
+``python benchmarks/count_events.py`` prints a table for Fig. 4c, and the cost of a
+break with and without temperature. The closed form by itself (take-off, Newton's method
+to the next event, energies) is timed on short flights, each waiting for the one before
+as in the engine. A random read of memory is timed in a chain through as many bytes as
+the contacts take.
 """
 
 import math
@@ -30,7 +30,7 @@ from stickslip.simulation.engines.base import Leg
 def closed_forms(
     flights: int, K: float, M: float, eta: float, out: NDArray[np.float64]
 ) -> None:
-    """Fly that many short flights, the velocity of each from the one before."""
+    """Compute that many short flights, the velocity of each from the one before."""
     near = NEAR / (eta + math.sqrt((K + 1.0) / M))
     v = 1.0
     total = 0.0
@@ -48,7 +48,7 @@ def closed_forms(
 
 @jit
 def walk(following: NDArray[np.int64], steps: int) -> int:
-    """Go from place to place, each read waiting for the one before."""
+    """Go from place to place; each read waits for the one before."""
     place = 0
     for _ in range(steps):
         place = following[place]
@@ -56,8 +56,8 @@ def walk(following: NDArray[np.int64], steps: int) -> int:
 
 
 def random_read(contacts: int) -> float:
-    """Nanoseconds of a read at random in the memory that so many contacts take, two
-    to a cache line.
+    """Return the nanoseconds of a random read in the memory of this number of contacts,
+    two to a cache line.
     """
     places = 32 * contacts // 64  # cache lines
     order = np.random.default_rng(1).permutation(places)
@@ -75,7 +75,7 @@ def seconds_and_events(
     interface: ss.Interface = FIG4.interface,
     what: str = "events",
 ) -> tuple[float, int]:
-    """CPU time and events, or breaks, of a run without samples."""
+    """Return CPU time and number of events, or breaks, of a run without samples."""
     method = ss.Contacts(count, seed=1)
     engine: Any = engine_of(interface, method)(
         Beginning(interface, FIG4.slider, 1.0), method
@@ -88,8 +88,8 @@ def seconds_and_events(
 
 
 def lives_and_events(mechanism: dict[str, Any]) -> tuple[float, float, float]:
-    """Lives of a contact in steady sliding by a breaking displacement, events in a
-    life, and ns in an event.
+    """Return lives of a contact per breaking displacement in steady sliding, events per
+    life, and ns per event.
     """
     rig = sliding(mechanism)
     method = ss.Contacts(COUNT, seed=1)

@@ -1,5 +1,5 @@
-"""The plain loop that the contacts engine replaces: every contact looked at in every
-step of time.
+"""The plain loop that the contacts engine replaces: it checks every contact in every
+time step.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ def plain_contacts(
     duration: float,
     dt: float,
 ) -> NDArray[np.float64]:
-    """Step N Gaussian contacts (mean 1, standard deviation .1) with a delay; the
-    spring force after each step.
+    """Advance N Gaussian contacts (mean 1, standard deviation .1) with a delay; return
+    the spring force after each step.
     """
     N = stretching.size
     back = np.full(N, -1.0)  # time of re-attachment; negative while attached

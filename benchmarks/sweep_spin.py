@@ -1,5 +1,5 @@
-"""A case of about a millisecond that releases the GIL; importable, so that worker
-processes find it.
+"""A case of about a millisecond that releases the GIL; in a module that worker
+processes can import.
 """
 
 import time
@@ -17,7 +17,7 @@ def spin(steps, start):
 
 
 def steps_for(seconds):
-    """Steps that take so much CPU time here."""
+    """Return the number of steps that takes this CPU time here."""
     spin(10, 0.3)
     best = np.inf
     for _ in range(20):
@@ -34,6 +34,8 @@ def case(i, seed, steps=100):
 
 
 def warm(start):
-    """Load the compiled kernel; long enough that every process of a pool gets one."""
+    """Load the compiled kernel, for long enough that every process of a pool gets a
+    case.
+    """
     time.sleep(0.5)
     return spin(10, start)

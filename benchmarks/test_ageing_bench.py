@@ -1,5 +1,5 @@
-"""Ageing contacts and their stationary kinetic equation beside the plain Euler loop
-over contacts, in the same run.
+"""Ageing contacts and their stationary kinetic equation compared with the plain Euler
+loop over contacts, in the same run.
 """
 
 import time
@@ -29,7 +29,7 @@ WARM = 0.1
 
 @jit
 def plain_loop(rng, x, f, K, M, eta, rate, std, duration, dt):
-    """Euler-Maruyama, breaking seen at the end of a step; the spring force after
+    """Euler-Maruyama, with breaks detected at the end of a step; the spring force after
     each step at v = 1.
     """
     force = np.empty(round(duration / dt))
@@ -66,9 +66,7 @@ def plain(duration, dt=5e-4, seed=1):
 
 
 def fast(duration, step=0.04, reach=0.1, seed=1):
-    """Our contacts, in steps that give the error of the mean force that the plain
-    loop has.
-    """
+    """Our contacts, in steps with the mean force's error of the plain loop."""
     rng, x, f = start(seed)
     contacts = awake(x, f, np.full(COUNT, -np.inf), 0.0, 0.0)
     langevin = Langevin(RATE, 1.0, STD)
@@ -127,8 +125,8 @@ def test_stationary_kinetic_equation(benchmark):
 
 @pytest.mark.slow
 def test_speed_at_equal_error_of_the_mean_force():
-    """Both errors are measured, against steps four and five times as short; the mean
-    is over whole oscillations.
+    """Both errors are measured, against steps four and five times as short; the mean is
+    over complete oscillations.
     """
     plain(WARM), fast(WARM)
 

@@ -1,13 +1,13 @@
-"""The contacts engine and the renewal convolution beside the plain loop over
+"""The contacts engine and the renewal convolution compared with the plain loop over
 contacts, in the same run.
 
-What counting gives for 1e4 contacts: ten time units are 1e9 contact steps of the plain
-loop and 127,065 events (`count_events.py`), 7,870 contact steps an event. A contact
-step waits for the addition before it, in the sum of the forces: 3 or 4 cycles of the
-processors measured, where an event took the time of 125 to 155 contact steps and the
-engine 50 to 63 times less than the loop. An addition takes 2 cycles on the quickest
+Counting gives for 1e4 contacts: ten time units are 1e9 contact steps of the plain loop
+and 127,065 events (`count_events.py`), 7,870 contact steps per event. A contact step
+waits for the addition before it, in the sum of the forces: 3 or 4 cycles of the
+processors measured. There an event took the time of 125 to 155 contact steps, and the
+engine 50 to 63 times less than the loop. An addition takes 2 cycles on the fastest
 processors of today, while the chain of square roots, divisions and exponentials of an
-event gains little there: at most 200 contact steps an event, 7,870/200 = 40.
+event gains little there: at most 200 contact steps per event, 7,870/200 = 40.
 """
 
 import numpy as np
@@ -55,8 +55,8 @@ def engine(count, duration):
     ids=["1e4", "1e6"],
 )
 def test_plain_loop(benchmark, count, fraction, rounds):
-    """The plain loop's cost grows in proportion to time: for 1e6 contacts a
-    twentieth of the run is timed.
+    """The cost of the plain loop is proportional to time: for 1e6 contacts a twentieth
+    of the run is timed.
     """
     plain(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
@@ -70,14 +70,14 @@ def test_plain_loop(benchmark, count, fraction, rounds):
     ids=["1e4", "1e6"],
 )
 def test_contacts_engine(benchmark, count, promised, rounds):
-    """An event of 1e6 contacts takes little more than a read from memory that no
-    cache holds (`count_events.py`).
+    """An event among 1e6 contacts takes little more than a memory read that no cache
+    holds (`count_events.py`).
     """
     engine(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
     benchmark.extra_info.update(role="fast", promised=promised, what="contacts engine")
     run = benchmark.pedantic(engine, (count, DURATION), rounds=rounds)
-    # it did stick and slip
+    # check that it sticks and slips
     assert float(run["spring_force"].max() - run["spring_force"].min()) > 0.5
 
 

@@ -1,4 +1,4 @@
-"""What runs and answers cost: each interface, method and question beside the
+"""Costs of runs and answers: each interface, method and question compared with the
 cheapest of its kind, in the same run.
 """
 
@@ -59,7 +59,7 @@ MECHANISMS: dict[str, tuple[dict[str, Any], float]] = {
 def sliding(
     interface: dict[str, Any], count: int = COUNT, way: float = SHORT
 ) -> ss.Rig:
-    """A rig at unit velocity: the way in breaking displacements is the time."""
+    """A rig at unit velocity: the distance in breaking displacements is the time."""
     return ss.Rig(
         ss.Interface(**PLAIN | interface),
         SLIDER,
@@ -72,8 +72,8 @@ def sliding(
 def of(
     benchmark, group: str, what: str = "", promised: float = 0.0, scale: float = 1.0
 ) -> None:
-    """Give a benchmark its place in the table; without a promise it is what the
-    others are beside.
+    """Give a benchmark its place in the table; one without a promise is the reference
+    of the others.
     """
     benchmark.group = group
     benchmark.extra_info.update(
@@ -82,7 +82,7 @@ def of(
 
 
 def run(benchmark, rig: ss.Rig, rounds: int = 3, **settings: Any) -> None:
-    """Simulate a rig, once before it counts."""
+    """Simulate a rig, after one run that is not timed."""
     output = ss.Output(interval=0.1)
     benchmark.pedantic(
         ss.simulate,
@@ -94,8 +94,8 @@ def run(benchmark, rig: ss.Rig, rounds: int = 3, **settings: Any) -> None:
 
 
 def run_beyond(benchmark, interface: dict[str, Any], rounds: int = 3) -> None:
-    """Simulate a long way; what a short way takes, most of it the start, is taken
-    off, and the way too.
+    """Simulate a long distance. The time of a short distance, mostly the start, is
+    subtracted, and so is that distance.
     """
     output = ss.Output(interval=0.1)
     short = math.inf
@@ -131,7 +131,7 @@ MORE = f"A run of {COUNT} contacts"
     ("count", "promised"), [(10_000, 20), (100_000, 250), (1_000_000, 5000)]
 )
 def test_more_contacts(benchmark, count, promised):
-    """Memory that no cache holds makes the last step dearer than ten times."""
+    """As no cache holds its memory, the last step costs more than ten times as much."""
     of(benchmark, MORE, f"of {count:.0e}", promised)
     run(benchmark, sliding({}, count), rounds=2)
 
@@ -208,7 +208,7 @@ ANSWERS: dict[str, tuple[Any, float]] = {
         lambda: ss.critical(RIG, "velocity", between=(0.1, 10.0)),
         10,
     ),
-    # At another velocity each time: what is known of one is kept.
+    # At another velocity each time, because results for one are cached.
     "noise of the contacts": (
         lambda: ss.stability.contact_noise(
             RIG.replace(stiffness=10.0, velocity=next(ANEW))

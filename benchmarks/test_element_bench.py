@@ -1,9 +1,9 @@
-"""A step of the interface as an element beside one of LuGre's model in a plain loop,
-and beside a step of the event engine; runs of a structure beside both.
+"""A step of the interface as an element compared with one of LuGre's model in a plain
+loop, and with a step of the event engine; runs of a structure compared with both.
 
-LuGre's model is one exponential and a division a step, whatever it does. Of 1,000
-contacts one or two break in a step of 1e-3, and as many re-attach: each costs a look at
-the 32 contacts of its block, and each step one at the 32 blocks.
+A step of LuGre's model takes one exponential and one division, always. Of 1,000
+contacts one or two break in a step of 1e-3, and as many re-attach: each costs a scan of
+the 32 contacts of its block, and each step one of the 32 blocks.
 """
 
 import math
@@ -32,7 +32,7 @@ WAYS = {"sliding": 1e-3, "sticking": 1e-9}
 def element_steps(
     state: kernel.ElementState, count: int, dt: float, way: float
 ) -> float:
-    """Sum of the impulses of steps of one length."""
+    """Return the sum of the impulses of steps of one length."""
     total = 0.0
     for _ in range(count):
         end = state.motion[0].position + way
@@ -42,10 +42,11 @@ def element_steps(
 
 @jit
 def lugre_steps(z: float, count: int, dt: float, way: float) -> float:
-    """The same of LuGre's model, its bristle exact for a constant velocity."""
+    """Return the same for LuGre's model, its bristle exact for a constant velocity."""
     total = 0.0
     for i in range(count):
-        # never the same: else the compiler takes the exponential out of the loop
+        # the velocity changes: otherwise the compiler moves the exponential out of the
+        # loop
         velocity = way / dt * (1.0 + 1e-12 * i)
         rest = 0.46 + 0.1 / (1.0 + velocity * velocity)
         left = math.exp(-velocity * dt / rest)
@@ -56,7 +57,7 @@ def lugre_steps(z: float, count: int, dt: float, way: float) -> float:
 
 
 def slid():
-    """An element in smooth sliding, and compiled."""
+    """Return an element in smooth sliding, already compiled."""
     made = ss.Element(INTERFACE, METHOD)
     made.step(10.0, 10.0)
     element_steps(made._carrier.state, 1, 1e-3, 1e-9)
@@ -85,7 +86,7 @@ def test_element(benchmark, way, promised):
 
 
 def python_steps(carrier):
-    """Steps from Python of what an element holds."""
+    """Take steps of an element's state from Python."""
     for _ in range(200):
         carrier.step(1e-3, math.nan, carrier.here[1] + 1e-3)
 
@@ -111,7 +112,7 @@ def test_element_from_python(benchmark):
 
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 MODE = Modes(masses=(1e-4,), stiffnesses=(0.0,), dampings=(42.4,), stiffness=2.0)
-PULL = ss.constant(1.0, 3.0)  # through one slip, and another
+PULL = ss.constant(1.0, 3.0)  # through two slips
 
 
 @jit
@@ -138,7 +139,7 @@ def verlet_steps(
 
 
 def begun(body):
-    """A run of a body before its first step."""
+    """Return a run of a body before its first step."""
     kind = EventByEvent if body is SLIDER else SteppedStructure
     engine = kind(Beginning(INTERFACE, body, 1.0), METHOD)
     return (engine, PULL, 0.0, np.array([PULL.duration])), {}

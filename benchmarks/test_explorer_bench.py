@@ -31,7 +31,7 @@ def test_slider_to_trace(benchmark, method):
                 headless.MOVE, ["#field-slider-stiffness-slider", str(next(places))]
             )
             took.append(seen["took"])
-            # a person's pace; the other pictures of the page are drawn in it
+            # the pace of a person; meanwhile the other pictures of the page are drawn
             page.wait_for_timeout(100)
 
         for _ in range(5):

@@ -1,5 +1,5 @@
-"""The master equation beside the plain loop over contacts, in the same run: Fig. 4c
-to a given error.
+"""The master equation compared with the plain loop over contacts, in the same run: Fig.
+4c to a given error.
 """
 
 import time
@@ -13,7 +13,7 @@ import stickslip as ss
 from stickslip.paper.cases import FIG4
 
 CYCLES = 4.0
-"""In t = 0 .. 6."""
+"""Stick-slip cycles in t = 0 .. 6."""
 EXACT = np.load(Path(__file__).parents[1] / "tests" / "data" / "fig4c_reference.npy")
 
 
@@ -73,8 +73,8 @@ def population(count):
 
 @pytest.mark.parametrize("count", [10_000, 10**8])
 def test_population(benchmark, count):
-    """Its cost does not depend on the number of contacts: 1e8 take less than twice
-    the time of 1e4.
+    """Its cost does not depend on the number of contacts: 1e8 take less than twice as
+    long as 1e4.
     """
     population(count)
     benchmark.group = "Fig. 4c, four cycles"

@@ -1,4 +1,4 @@
-"""The stability map and its boundary, beside a count at each point of the map;
+"""The stability map and its boundary compared with a count at each point of the map;
 ageing contacts.
 """
 
@@ -81,7 +81,7 @@ def test_unstable_modes(benchmark):
 
 
 def forget():
-    """Forget every response of ageing contacts; the kernels stay compiled."""
+    """Clear every cached response of ageing contacts; the kernels stay compiled."""
     critical(AGED, "stiffness", between=(0.9, 1.1))
     for name, module in sys.modules.items():
         if name.startswith(("stickslip.sliding", "stickslip.stability")):

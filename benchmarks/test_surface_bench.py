@@ -1,5 +1,5 @@
-"""Pressing a rough surface on a flat one: time and memory at three sizes, 1 to 2 % of
-the area in contact.
+"""Pressing a rough surface on a flat one: time and memory at three sizes, with 1 to 2 %
+of the area in contact.
 """
 
 import tracemalloc
@@ -8,7 +8,7 @@ import pytest
 
 import stickslip as ss
 
-ARRAYS = 16  # of doubles, as large as the map, that a solution may hold at once
+ARRAYS = 16  # arrays of doubles, as large as the map, that a solution may hold at once
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
-"""10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep
-itself cost?
+"""10,000 cases of about 1 ms on two cores: how busy the cores are, and what the sweep
+itself costs.
 
-Cases that do nothing tell the cost of the sweep on any machine: all CPU time is then
-its own. Wall time and fraction of two cores are as found. Where other programs run too,
-the fraction of what they left says more: CPU time of the cases over that time, plus CPU
-time of the sweep itself, plus time that the cores idled. Processes are started and have
-compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
+Cases that do nothing give the cost of the sweep on any machine: all CPU time is then
+its own. Wall time and the fraction of two cores are printed as measured. If other
+programs run too, the fraction of what they leave says more: CPU time of the cases over
+the sum of that time, CPU time of the sweep itself, and the time that the cores idled.
+Processes are started and have compiled before the clock starts; their start (about 1 s
+of CPU each) is printed separately.
 """
 
 import functools
@@ -56,7 +57,7 @@ def processes():
 
 
 def cpu_of(pid):
-    """CPU time of another process, in seconds."""
+    """Return the CPU time of another process, in seconds."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICK
 
@@ -67,7 +68,7 @@ def cpu_here():
 
 
 def idle():
-    """Time that the cores this process may use have idled, in seconds."""
+    """Return the seconds that the cores available to this process have idled."""
     cores = {f"cpu{i}" for i in os.sched_getaffinity(0)}
     lines = [line.split() for line in Path("/proc/stat").read_text().splitlines()]
     return sum(int(line[4]) + int(line[5]) for line in lines if line[0] in cores) / TICK
@@ -113,7 +114,7 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     np.testing.assert_array_equal(result["twice"], 2 * np.arange(CASES))
     benchmark.extra_info.update(figures)
     print("\n" + "  ".join(f"{name} {value:.3g}" for name, value in figures.items()))
-    # on a crowded machine caches and switches are measured, not the sweep
+    # on a crowded machine this would measure caches and task switches, not the sweep
     if figures["left_by_others"] > 0.8:
         assert figures["share_of_two_cores"] > 0.85 * figures["left_by_others"]
 
@@ -156,8 +157,8 @@ def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
 
 
 def everywhere():
-    """CPU time of this process and of its workers: what others leave of the cores
-    does not matter.
+    """CPU time of this process and of its workers: it does not depend on what others
+    leave of the cores.
     """
     return cpu_here() + sum(
         cpu_of(process.pid) for process in multiprocessing.active_children()
@@ -192,7 +193,7 @@ def test_a_loop_of_short_runs(benchmark):
 @pytest.mark.benchmark(timer=everywhere, group="a thousand short runs, each classified")
 @pytest.mark.parametrize("cores", [1, CORES])
 def test_a_sweep_of_short_runs(benchmark, cores):
-    """At least 80 % of the runs a second that a loop makes, on each core."""
+    """On each core, at least 80 % of the runs per second of a plain loop."""
     benchmark.extra_info.update(
         role="cost",
         what=f"as a sweep on {cores} core{'s' * (cores > 1)}",
@@ -200,7 +201,7 @@ def test_a_sweep_of_short_runs(benchmark, cores):
     )
     executor = Threads(1) if cores == 1 else Processes(cores)
     with executor:
-        # workers start, and load what they need
+        # workers start, and load their modules
         swept(range(RUNS, RUNS + 8 * cores), executor)
         found = benchmark.pedantic(swept, (range(RUNS), executor), rounds=1)
     assert summary(found).done == RUNS

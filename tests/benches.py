@@ -1,4 +1,4 @@
-"""Rigs, and readings of runs, that more than one room is tested with."""
+"""Rigs, and evaluations of runs, that several test files use."""
 
 import copy
 import math
@@ -33,7 +33,7 @@ velocity = "2 um/s"
 
 
 def with_value(document, path, value):
-    """A copy of a document with the value of a key set, or left out if it is None."""
+    """Return a copy of a document with a key set to a value, or removed if None."""
     changed = copy.deepcopy(document)
     *parents, last = path.split(".")
     node = changed
@@ -60,8 +60,8 @@ def bar(
     delay=ss.Delay(math.inf),
     **more,
 ):
-    """A rig by the groups that a front depends on: contacts, leaf springs, damping
-    and viscosity against the bulk.
+    """Make a rig from the groups that a front depends on: contacts, leaf springs,
+    damping, and viscosity of the bulk.
     """
     coupling = 1.0 / kappa
     chain = {
@@ -110,8 +110,8 @@ def oscillations(signal, interval):
 
 
 def imbalance(run):
-    """Largest gap between the work of the drive and what became of it, as a fraction
-    of all energy turned over.
+    """Return the largest gap in the balance of energies, as a fraction of the largest
+    sum of them.
     """
     found = sum(run[name] for name in run if name.endswith("_energy"))
     gap = run["work"] - found

@@ -1,4 +1,4 @@
-"""Settings and values that tests share."""
+"""Settings and values that the tests share."""
 
 import os
 
@@ -67,6 +67,6 @@ def distribution(request: pytest.FixtureRequest) -> Distribution:
     ids=[*DISTRIBUTIONS, *DISTRIBUTIONS_ON_BOTH_SIDES],
 )
 def any_distribution(request: pytest.FixtureRequest) -> Distribution:
-    """Every distribution in turn, those that reach below zero among them."""
+    """Every distribution in turn, including those that reach below zero."""
     chosen: Distribution = request.param
     return chosen

@@ -1,9 +1,8 @@
-"""What a picture shows, in words and numbers, so that a test can tell when it becomes
-another.
+"""Describe what a picture shows in words and numbers, so that a test notices a change.
 
-Places are in per cent of the panel, from its lower left corner. ``REDRAW=1`` in the
-environment writes what is drawn now to tests/data/drawn: look at the picture and at the
-difference before it is kept.
+Places are in per cent of the panel, from its lower left corner. With ``REDRAW=1`` in
+the environment the present description is written to tests/data/drawn: look at the
+picture and at the difference before you commit it.
 """
 
 import os
@@ -26,14 +25,13 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
 def assert_drawn(figure, name):
-    """Compare a picture with the one that is kept under a name."""
+    """Compare a picture with its kept description."""
     assert_kept(as_drawn(figure), name)
 
 
 def assert_kept(now, name, rtol=0.002, atol=1e-6, errors=MappingProxyType({})):
-    """Compare a text with the one that is kept under a name: the words exactly,
-    numbers within tolerances, absolute ones of their own where a line holds the
-    words of `errors`.
+    """Compare a text with the kept one: words exactly, numbers within tolerances; lines
+    that contain a word of `errors` have absolute tolerances of their own.
     """
     file = KEPT / f"{name}.txt"
     if os.environ.get("REDRAW"):
@@ -52,7 +50,7 @@ def assert_kept(now, name, rtol=0.002, atol=1e-6, errors=MappingProxyType({})):
 
 
 def as_drawn(figure: Figure) -> str:
-    """Describe a picture: its panels, and what is in each, a line for each thing."""
+    """Describe a picture: its panels, and a line for each thing in them."""
     found = [f"picture of {len(figure.axes)} panels, {_words(figure.texts)}"]
     for ax in figure.axes:
         for each in (ax, *ax.child_axes):
@@ -139,7 +137,7 @@ def _thing(ax: Axes, each: object) -> str:
 
 
 def _places(ax: Axes, transform: object, points: object) -> str:
-    """Return some ten of the points, as evenly as they are numbered."""
+    """Return about ten of the points, evenly spaced by number."""
     points = np.asarray(points, float)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):

@@ -1,4 +1,4 @@
-"""Disks that fail: the n-th call to the system that writes gives an error."""
+"""Disks that fail: the n-th system call that writes raises an error."""
 
 import _sqlite3
 import builtins
@@ -33,7 +33,7 @@ _SQLITE = {
 
 
 class Faults:
-    """Counts calls; the n-th fails, once."""
+    """Count calls, of which the n-th fails, once."""
 
     def __init__(self, nth: int, code: int) -> None:
         self.nth = nth
@@ -42,11 +42,11 @@ class Faults:
 
     @property
     def failed(self) -> bool:
-        """Whether the call that fails was made."""
+        """Whether the failing call was made."""
         return len(self.calls) >= self.nth
 
     def strikes(self, name: str) -> bool:
-        """Count a call; say whether it is the one that fails."""
+        """Count a call; return whether it is the one that fails."""
         self.calls.append(name)
         return len(self.calls) == self.nth
 
@@ -57,7 +57,7 @@ class Faults:
 
 
 class _File:
-    """A file that is written to, with calls that may fail."""
+    """A file opened for writing, whose calls may fail."""
 
     def __init__(self, file: Any, faults: Faults) -> None:
         self._file = file
@@ -73,7 +73,7 @@ class _File:
         return getattr(self._file, name)
 
     def write(self, content: Any) -> int:
-        # half of it arrives, as on a disk that fills up
+        # only half is written, as on a full disk
         self._file.write(content[: len(content) // 2])
         self._faults.check("file.write")
         self._file.write(content[len(content) // 2 :])
@@ -92,7 +92,7 @@ class _File:
 
 @contextmanager
 def failing(nth: int, code: int) -> Iterator[Faults]:
-    """Let the n-th call fail of those that open, write, sync, move or remove."""
+    """Make the n-th call fail that opens, writes, syncs, moves or removes a file."""
     faults = Faults(nth, code)
     opened = builtins.open
 
@@ -134,7 +134,7 @@ class _Vfs(ctypes.Structure):
 
 
 def sqlite_files() -> Any:
-    """Return the file system of the sqlite that Python uses, if it is to be had."""
+    """Return the file system of Python's sqlite, if it is available."""
     try:
         find = ctypes.CDLL(_sqlite3.__file__).sqlite3_vfs_find
     except (AttributeError, OSError):  # built into Python
@@ -146,11 +146,11 @@ def sqlite_files() -> Any:
 
 @contextmanager
 def failing_sqlite(nth: int, code: int) -> Iterator[Faults]:
-    """Let the n-th call fail by which sqlite opens, writes, cuts or removes a file."""
+    """Make the n-th call fail that opens, writes, cuts or removes a file in sqlite."""
     faults = Faults(nth, code)
     place = sqlite_files()
     files = place.contents
-    kept = []  # what C calls must not be collected
+    kept = []  # C calls these: they must not be collected
 
     def counted(name: str, kind: Any, call: Callable[..., int]) -> Any:
         def wrapper(*arguments: Any) -> int:
@@ -172,4 +172,4 @@ def failing_sqlite(nth: int, code: int) -> Iterator[Faults]:
         yield faults
     finally:
         for name in _SQLITE:
-            files.set_call(place, name.encode(), None)  # its own again
+            files.set_call(place, name.encode(), None)  # restore its own call

@@ -1,7 +1,7 @@
 """Rigs in other units: all lengths times one factor, all times times another.
 
-Forces are in the unit of length, as the stiffness of a contact stays 1. What is
-declared without a unit is relative to the thresholds, which are lengths here.
+Forces are in the unit of length, as the stiffness of a contact stays 1. Fields without
+a unit are relative to the thresholds, which are lengths here.
 """
 
 from dataclasses import replace
@@ -11,7 +11,7 @@ from stickslip.model.records import converted
 
 
 def rescaled(interface, length, time=1.0):
-    """The same interface."""
+    """Return the same interface in the other units."""
     made = converted(
         interface, ss.model.Scales(force=length, stretching=length, time=time).si
     )
@@ -28,7 +28,7 @@ def rescaled(interface, length, time=1.0):
 
 
 def rescaled_rig(rig, length, time):
-    """The same rig."""
+    """Return the same rig in the other units."""
     made = converted(
         rig, ss.model.Scales(force=length, stretching=length, time=time).si
     )

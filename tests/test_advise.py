@@ -1,5 +1,5 @@
-"""Predictions are true: verdicts against the settled cases, every mitigation against
-a simulation after it.
+"""Predictions are true: verdicts against reference cases, and each mitigation against a
+simulation of it.
 """
 
 import html
@@ -44,7 +44,7 @@ def make(
     seed=1,
     **interface,
 ):
-    """A rig in natural units, of a damping ratio of .15 unless its damping is given."""
+    """A rig in natural units, with a damping ratio of .15 if no damping is given."""
     damping = 0.3 * math.sqrt(stiffness / mass) if damping is None else damping
     contact = ss.Interface(
         **({"thresholds": ss.Gaussian(1.0, 0.1), "delay": ss.Delay(0.1)} | interface)
@@ -59,7 +59,7 @@ def scattered(mean, std):
 
 @pytest.fixture(scope="module")
 def paper_s_rig():
-    """The whole answer for the paper's rig, which takes ten seconds."""
+    """The full answer for the paper's rig, which takes ten seconds."""
     return advise.predict(make(stiffness=2.0))
 
 
@@ -78,7 +78,7 @@ def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
 
 
 def test_a_verdict_is_about_the_speed_that_it_names():
-    """A drive that goes on faster than stick-slip lasts has its first speed judged."""
+    """A drive that speeds up later is judged at its first speed."""
     steady = ss.constant(1.0, 80.0)
     drives = steady, steady.then(ss.constant(30.0, 10.0))
     kinds = {
@@ -92,12 +92,12 @@ def test_a_verdict_is_about_the_speed_that_it_names():
 def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
     found = paper_s_rig
     rig = paper_s_rig.rig
-    # tau* = .0755 and v1' = .71 are where stick-slip decays from the narrow start.
+    # from the narrow start stick-slip decays below tau* = .0755, and below v1' = .71
     stops = {mitigation.parameter: mitigation.to for mitigation in found.mitigations}
     assert 0.8 * 0.71 < stops["velocity"] < 0.73
     if "delay" in stops:
         assert 0.8 * 0.0755 < stops["delay"] < 0.0755 + 0.003
-    assert found.mitigations[0].parameter != "delay"  # a machine has other handles
+    assert found.mitigations[0].parameter != "delay"  # a machine can change others
     for mitigation in found.mitigations:
         there = rig.with_values(**{mitigation.parameter: mitigation.to})
         long = replace(there, drive=ss.constant(there.velocity, 300.0 / there.velocity))
@@ -107,7 +107,7 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
 
 @pytest.mark.parametrize(("contacts", "told"), [(3000, False), (1500, True)])
 def test_noise_is_told_only_where_runs_are_as_noisy_as_linear_theory(contacts, told):
-    """Of 3000 it is seen so near to the limit that runs leave smooth sliding."""
+    """3000 contacts show it only so near the limit that runs leave smooth sliding."""
     rig = make(stiffness=2.0, contacts=contacts)
     margins, _ = prediction._margins(rig, Budget(math.inf))
     limit = prediction._noise_limit(rig, margins)
@@ -132,7 +132,7 @@ def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
         advise.Doubt.of(each, Budget(math.inf)).oscillates
         for each in (rig, example("brake_pad"))
     )
-    # with delays so short nothing strengthens with rest
+    # with delays so short no contact strengthens with rest
     assert (short, wide > 0.9) == (0.0, True)
 
 
@@ -164,10 +164,10 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     assert re.search(r"at 20 mm/s: stick-slip, 170 Hz, force ±1\.(19|2)\d* kN", in_full)
     assert "; linearly unstable from 1.1 to 154 mm/s; " in found.verdict
     assert len(found.headline) <= 100
-    bold = found.text(40, details=True, bold=True)  # a terminal shows no signs for bold
+    bold = found.text(40, details=True, bold=True)  # the codes for bold have no width
     assert bold.startswith("\033[1mBrake pad, creep groan\033[0m: at 20 mm/s:\n")
     assert re.sub("\033\\[[01]m", "", bold) == found.text(40, details=True)
-    # as a command line gives numbers
+    # numbers as text, as the command line gives them
     natural = ss.predict(rig.natural, fast=True, smooth=("0.5", "3"))
     assert natural.between == (0.5, 3.0)
     assert found.critical_stiffness == pytest.approx(
@@ -230,7 +230,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
         pytest.approx(30 * found.rig.value("damping")),
         7 / 8,
     )
-    # where theory still denies it
+    # where the linear theory still excludes it
     there = found.rig.with_values(damping=found.attempts["damping"][1])
     assert ss.stability.growth_rate(there).real == pytest.approx(0.0, abs=1e-6)
     assert any(
@@ -240,7 +240,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
 
 
 def test_a_slow_decay_is_waited_for():
-    """After 120 x_s these runs cannot be judged; they are smooth after 600 and 1500."""
+    """These runs cannot be judged after 120 x_s; they are smooth after 600 and 1500."""
     random = {
         "thresholds": ss.Gaussian(1.0, 0.1996),
         "delay": scattered(0.7828, 0.078629),
@@ -289,7 +289,7 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     )
     other = replace(case, interface=wide, scales=None)
     assert cost_of_theory(other) > 5.0 * cost_of_theory(case)
-    # runs that are followed in steps: a second, or a minute
+    # runs whose contacts are advanced in time steps: a second, or a minute
     ageing = {"delay": ss.Delay(0.0), "ageing": ss.Langevin(rate=1.2)}
     ageing["thresholds"] = ss.Gaussian(1.0, 0.0366, lower=0.0)
     stiff = {"stiffness": 11.2, "mass": 1.54e-3, "damping": 3.6, "contacts": 960}
@@ -347,7 +347,7 @@ def example(name, **tables):
 @pytest.mark.parametrize("std", [0.002, 0.02, 0.9])
 @pytest.mark.parametrize("part", ["thresholds", "newborn", "delay"])
 def test_a_prediction_of_narrow_or_wide_scatter_ends(part, std):
-    """Whatever a look at the response of such contacts takes."""
+    """However long one computation of the response of such contacts takes."""
     scattered_parts = {
         "thresholds": ss.LogNormal(mean=1.0, std=std),
         "newborn": ss.Gaussian(0.3, 0.3 * std),
@@ -392,7 +392,7 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
     assert rings.along_drive == answer.along_drive  # as the strip shows it
     slips = Band(kind="stick-slip", low=0.1, high=2.0)
     smooth = replace(answer.regime, kind="smooth sliding")
-    # where its own run was too long, as if each speed lasted
+    # where its own run was too long, as if each speed were kept
     by_theory = replace(answer, driven=None)
     assert (
         "along its drive, if each speed lasted: linearly unstable from 0 s, linearly "
@@ -403,10 +403,10 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
     )
     assert answer.between == (pytest.approx(0.01), pytest.approx(1.0))
     for found, kind in ((by_theory, "unstable"), (answer, "smooth sliding")):
-        first, *_, last = found.along_drive  # up and down again, in a second
+        first, *_, last = found.along_drive  # speeds up and down again within a second
         assert (first.low, last.high) == (0.0, pytest.approx(1.0))
         assert (first.kind, last.kind) == (kind, kind)
-    # a pause is no speed at which it is to slide smoothly
+    # a pause has no speed at which to slide smoothly
     paused = ss.constant(1.0, 1.0).then(ss.constant(0.0, 1.0)).then(ss.constant(2.0))
     assert replace(answer, rig=make(stiffness=2.0, drive=paused)).between == (1.0, 2.0)
 
@@ -428,14 +428,14 @@ def test_what_was_not_simulated_is_not_called_smooth():
                 if b.kind not in ("stable", "unstable")
             )
         )
-    # of the rig's own run, no range is told
+    # from the rig's own run, which gives no range
     assert known[0] == pytest.approx(2.0 * math.log(1.0 + PRECISION))
     assert known[0] < known[1] < known[2]
 
 
 @pytest.mark.parametrize("again", ["stick-slip", "smooth sliding"])
 def test_a_band_that_its_neighbours_contradict_is_run_again(again):
-    """Between two speeds with stick-slip, other contacts have to do the same."""
+    """Between two speeds with stick-slip another kind must show in a second run."""
 
     class Fated(Budget):
         def regime(self, rig):
@@ -452,7 +452,7 @@ def test_a_band_that_its_neighbours_contradict_is_run_again(again):
 
 
 def test_next_to_a_change_few_contacts_have_to_agree():
-    """Of one run in eight a band would be made by chance."""
+    """A single run of eight would make a band by chance."""
 
     class Fated(Budget):
         def regime(self, rig):
@@ -468,7 +468,7 @@ def test_next_to_a_change_few_contacts_have_to_agree():
 
 
 def test_a_drive_with_strokes_is_not_headlined_by_a_speed_that_never_lasts():
-    """And what that does is seen in a run that lasts, not in the last stroke."""
+    """Its motion is taken from a run that lasts, not from the last stroke."""
     strokes = ss.constant(1.0, 3.0).then(ss.constant(-1.0, 3.0))
     both = (make(stiffness=2.0, drive=d) for d in (strokes, strokes.then(strokes)))
     lasting = ss.predict(make(stiffness=2.0), fast=True).amplitude
@@ -478,7 +478,7 @@ def test_a_drive_with_strokes_is_not_headlined_by_a_speed_that_never_lasts():
 
 
 def test_a_change_tells_the_noise_that_it_leaves():
-    """Near its limit, smooth sliding may swing as much as what it replaces."""
+    """Near its limit smooth sliding may fluctuate as much as what it replaces."""
     rig = make(stiffness=2.0)
     change = mitigations._with_noise(
         rig, Mitigation(parameter="velocity", now=1.0, to=0.5)
@@ -487,7 +487,7 @@ def test_a_change_tells_the_noise_that_it_leaves():
     assert change.noise == there.relative_force
     *_, (*_, also) = sections.change_rows(rig, [replace(change, noise=0.091)])
     assert also == "the force fluctuates by 9.1 % rms, noise"
-    # where the velocity sways by more than linear theory covers, as a run shows
+    # where the velocity fluctuates by more than linear theory covers, as a run shows
     few = make(stiffness=2.0, contacts=150)
     run = ss.regime(ss.simulate(trial(few.with_values(velocity=0.5))))
     shown = mitigations._with_noise(few, change).noise
@@ -588,7 +588,7 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
 
 
 def test_a_narrow_range_of_instability_is_told():
-    """It is 8 % wide, and lies between two of the speeds at which modes are counted."""
+    """It is 8 % wide and lies between two of the speeds at which modes are counted."""
     rig = make(stiffness=0.3, mass=1e-3, damping=47.83)
     kinds = [
         band.kind for band in stability_along(rig, ss.stability.VELOCITY, 0.01, 100.0)
@@ -608,10 +608,10 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
 
 
 @pytest.mark.filterwarnings("error")
-# the master equation at nodes of the stretching, and its response at many speeds
+# takes the master equation at nodes of the stretching, and responses at many speeds
 @pytest.mark.slow
 def test_contacts_that_break_by_heat():
-    """Static friction and critical stiffness are those without heat; nothing else."""
+    """Static friction and critical stiffness ignore temperature; the rest feels it."""
     thresholds = ss.Gaussian(mean=1.0, std=0.3)
     interface = ss.Interface(
         thresholds=thresholds,
@@ -644,7 +644,7 @@ def test_contacts_that_break_by_heat():
 
 
 def test_noise_of_few_contacts_is_no_oscillation():
-    """Its force fluctuates as 1/sqrt(N), from sliding as from rest."""
+    """The force fluctuates as 1/sqrt(N), whether a run starts in sliding or at rest."""
     random = {
         "thresholds": ss.LogNormal(1.0, 0.3222),
         "delay": scattered(0.09368, 0.053667),
@@ -667,7 +667,7 @@ def test_noise_of_few_contacts_is_no_oscillation():
 
 
 def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
-    """Contacts that break one by one slip each, though smooth sliding is stable."""
+    """Contacts that break one by one cause slips, although smooth sliding is stable."""
     few = {"stiffness": 8.0, "mass": 1e-3, "damping": 20.0, "contacts": 144}
     rig = make(**few, drive=ss.constant(0.005, 2e4))
     assert ss.regime(ss.simulate(rig)).kind == "stick-slip"
@@ -676,8 +676,8 @@ def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
 
 
 def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
-    """It does not fade with the contacts, of which the theory of noise knows nothing
-    where the velocity sways by more than a fifth.
+    """The oscillation does not fade with more contacts. The theory of noise does not
+    cover it: the velocity fluctuates by more than a fifth.
     """
     few = {"stiffness": 3.745, "mass": 0.0033, "damping": 0.698, "contacts": 186}
     few |= {"thresholds": ss.LogNormal(1.0, 0.041), "delay": ss.Delay(0.1174)}
@@ -692,7 +692,7 @@ def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
     assert Budget(300.0).regime(trial(small)).kind == "undecided"
 
 
-@pytest.mark.takes(5)  # a search by runs
+@pytest.mark.takes(5)  # searches by simulations
 def test_what_one_run_cannot_decide_is_judged_by_eight():
     few = {"stiffness": 0.36, "mass": 1.5e-3, "damping": 12.0, "contacts": 30}
     few |= {"drive": ss.constant(5.0), "delay": ss.OnArrest()}
@@ -741,7 +741,7 @@ def test_contacts_without_any_response_cannot_become_unstable(delay, modes, word
 
 @pytest.mark.slow
 def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
-    """Of rigs drawn at random from the same ranges, within three standard errors."""
+    """Among rigs drawn at random from the same ranges, within three standard errors."""
     rig = ss.example("precision_stage")
     rng = np.random.default_rng(7)
     budget = Budget(math.inf)
@@ -831,7 +831,7 @@ FASTER = Mitigation(parameter="velocity", now=0.02, to=0.22)
     [
         ("brake_pad", {"mitigations": [FASTER]}, 3),
         ("brake_pad", {"combined": [FASTER, replace(FASTER, parameter="mass")]}, 3),
-        ("brake_pad", {}, 2),  # whatever helps, the map is drawn
+        ("brake_pad", {}, 2),  # the map is drawn whatever helps
         ("caliper", {"mitigations": [FASTER]}, 3),  # which has no driving spring
     ],
 )
@@ -839,6 +839,6 @@ def test_a_report_is_one_page_that_asks_for_no_other_file(name, found, pictures)
     found = replace(ss.predict(ss.example(name), fast=True), **found)
     page = report(found)
     assert page.count("data:image/svg+xml;base64,") == pictures
-    assert page.count(html.escape(found.headline)) == 1  # not on the picture, too
+    assert page.count(html.escape(found.headline)) == 1  # not on the picture too
     assert 'delay = "1' in html.unescape(page)
     assert not re.search(r"(src|href)=.(?!data:)", page)

@@ -61,7 +61,7 @@ def run(*arguments):
 
 
 def refused(capsys, *arguments):
-    """Run a command that must refuse its input; return its one line."""
+    """Run a command that must refuse its input; return the one line it prints."""
     assert run(*arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -70,7 +70,7 @@ def refused(capsys, *arguments):
     return line
 
 
-@pytest.mark.takes(4)  # seven commands
+@pytest.mark.takes(4)  # runs seven commands
 def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     one = tmp_path / "one.nc"
     two = tmp_path / "two.nc"
@@ -296,7 +296,9 @@ def test_an_output_replaces_only_a_file_that_may_be_replaced(
 
 
 def heed_interrupts():
-    """A shell's background jobs are born deaf to Ctrl-C, and hand that on."""
+    """A shell starts background jobs with Ctrl-C ignored, and their children inherit
+    that.
+    """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
@@ -335,7 +337,7 @@ def test_a_command_of_nohup_outlives_its_terminal():
 
 
 def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
-    """A bare number is in s or N, whatever the unit of the file."""
+    """A number without a unit is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"
     rows = [f"{10 * i},{2 + i % 100 / 100:.2f},{1 + i // 1000}" for i in range(4000)]
     file.write_text("\n".join(["time (ms),force (mN),velocity (mm/s)", *rows, ""]))
@@ -356,7 +358,7 @@ def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
 
 
 def in_a_process(*arguments, reader="cat", **environment):
-    """Exit code, output and errors of the command whose reader is another."""
+    """Return exit code, output and errors of a command run in another process."""
     shell = f'"$0" -m stickslip "$@" | {reader}; exit "${{PIPESTATUS[0]}}"'
     command = ["bash", "-c", shell, sys.executable, *arguments]
     how = {"env": os.environ | environment, "capture_output": True, "check": False}
@@ -364,7 +366,7 @@ def in_a_process(*arguments, reader="cat", **environment):
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.takes(6)  # interpreters start
+@pytest.mark.takes(6)  # starts interpreters
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp437"])
 def test_letters_that_a_terminal_lacks_are_replaced(encoding):
     script = (

@@ -1,4 +1,4 @@
-"""Dates, times of the day and file names are no decimals."""
+"""Dates, times of day and file names are not read as decimal numbers."""
 
 import datetime as dt
 

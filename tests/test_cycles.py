@@ -1,4 +1,4 @@
-"""Sustained stick-slip: settled numbers, what persists beyond the linear boundary,
+"""Sustained stick-slip: reference numbers, cycles beyond the linear boundary, and
 answers that cannot be given.
 """
 
@@ -27,13 +27,13 @@ def delayed(delay, std=None, negative="clip"):
 
 
 def scaled(mass, stiffness=2.0, ratio=0.3):
-    """A slider with a given ratio of damping to its own frequency."""
+    """A slider with a given ratio of its damping rate to its own frequency."""
     damping = ratio * math.sqrt(stiffness / mass)
     return ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
 
 
 def pulled(delay, *random, slider=FIG6.slider, velocity=1.0):
-    """The rig of Fig. 6, or with another slider, pulled for as long as it takes."""
+    """The rig of Fig. 6, or one with another slider, pulled for a long enough time."""
     return ss.Rig(delayed(delay, *random), slider, ss.constant(velocity))
 
 
@@ -51,7 +51,7 @@ RELAXES["largest_velocity"] = (13, 0.7)
         (STIFF, 0.1, "smooth sliding", {}),
         (STIFF, 0.2, "smooth sliding", {}),
         (STIFF, 0.3, "sustained oscillation", {"peak_to_peak": (0.62, 0.01)}),
-        # nothing comes back that could oscillate
+        # no contact re-attaches, so nothing can oscillate
         (FIG4.slider, math.inf, "smooth sliding", {}),
     ],
 )
@@ -100,7 +100,7 @@ def test_verdicts_of_random_rigs_agree_with_long_runs():
 
 
 def test_an_oscillation_that_has_not_settled_is_undecided(monkeypatch):
-    # A slow passage: just below tau* the oscillation lingers at .55 before it decays.
+    # The decay is slow here: just below tau* the oscillation lingers at .55 first.
     assert is_sustained(pulled(0.0757)).sustained is False
     monkeypatch.setattr(cycles.oscillation_verdict, "PATIENCE", 4)
     hurried = is_sustained(pulled(0.0757))
@@ -112,7 +112,7 @@ def test_tau_star_of_fig_6():
     (window,) = ss.sustained(pulled(0.2), "delay", between=(0.04, 0.14), tolerance=2e-3)
     edge = window.low
     assert edge.value == pytest.approx(0.0755, abs=0.003)
-    # ours, from runs of 600 x_s and an error of 1e-4
+    # from runs of this package, of 600 x_s and with an error of 1e-4
     assert edge.value == pytest.approx(0.07575, abs=2e-4)
     assert edge.decays_at < edge.value < edge.persists_at < edge.decays_at * 1.003
 
@@ -125,7 +125,7 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
     assert np.mean(ends) == pytest.approx(0.71, abs=0.02)
     assert np.all(np.diff(branch.velocity) > 0)
     assert branch.velocity[-1] == 2.0
-    # It comes in to the fold as a square root, and from a finite amplitude.
+    # Near the fold its amplitude goes as a square root, and ends at a finite value.
     near = branch.isel(velocity=slice(0, 6))
     beyond = np.log(near.velocity[1:] - branch.attrs["low_decays_at"])
     rise = np.log(near.amplitude[1:] - near.amplitude[0] + 0.02)
@@ -143,7 +143,7 @@ CHANGES += (MASS, 1.2e-4, 0.05), (DAMPING, 50.0, 0.05), (STD, 0.095, 0.05)
     ("parameter", "value", "sampled"), [*CHANGES, (STD, 0.105, 0.05)]
 )
 def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sampled):
-    """Whatever is varied, forces do not jump and no contact is made or lost."""
+    """Whatever is varied, forces do not jump, and no contact appears or is lost."""
     rig = pulled(0.1)
     own = rig.value(parameter)
     between = tuple(sorted((own, value)))

@@ -1,5 +1,5 @@
-"""Files of runs that are damaged, or were made by others: one line, nothing printed
-by the libraries below.
+"""Files of runs that are damaged, or were made by other programs: a refusal of one
+line, and no output from the libraries that read them.
 """
 
 import json
@@ -25,7 +25,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def check(capfd):
-    """Run a command on a damaged run: it does its work, or refuses it in one line."""
+    """Run a command on a damaged run: it works, or refuses the run in one line."""
 
     def run(*arguments, code=None):
         capfd.readouterr()
@@ -55,7 +55,7 @@ def changed(whole, place, **attributes):
 )
 def test_a_damaged_rig(whole, tmp_path, check, text):
     place = changed(whole, tmp_path / "run.nc", rig=text)
-    check("measure", place, code=0)  # it is told from the provenance
+    check("measure", place, code=0)  # the rig is taken from the provenance
     check("plot", place, tmp_path / "out.png", code=0)
 
 
@@ -118,34 +118,34 @@ def texts(run):
 
 
 def with_attributes(run, name, **attributes):
-    """The run with other attributes of a variable or coordinate."""
+    """Return the run with other attributes of a variable or coordinate."""
     run[name].attrs.update(attributes)
     return run
 
 
 KINDS = ("phase", "energy")
-DAMAGED = """
-run.assign(spring_force=texts(run))
-run.assign(velocity=texts(run))
-    no numbers
-run.assign(spring_force=1e300 * run.spring_force)
-    between 1e-30 and 1e+30
-run.assign(spring_force=np.nan * run.spring_force)
-run.assign_coords(time=np.nan * run.time)
-    not finite
-run.assign(spring_force=run.spring_force.expand_dims(q=2))
-    along time
-with_attributes(run, "time", units="seconds since 1900-01-01")
-with_attributes(run, "time", units="x since y")
-with_attributes(run, "spring_force", long_name="$\\frac{", units="$x_")
-with_attributes(run, "spring_force", long_name=3, units=[1.0, 2.0])
-run.assign(spring_force=0 * run.spring_force)
-run.isel(time=slice(0))
-    -
-"""
+DAMAGED = (
+    lambda run: run.assign(spring_force=texts(run)),
+    lambda run: run.assign(velocity=texts(run)),
+    "no numbers",
+    lambda run: run.assign(spring_force=1e300 * run.spring_force),
+    "between 1e-30 and 1e+30",
+    lambda run: run.assign(spring_force=np.nan * run.spring_force),
+    lambda run: run.assign_coords(time=np.nan * run.time),
+    "not finite",
+    lambda run: run.assign(spring_force=run.spring_force.expand_dims(q=2)),
+    "along time",
+    lambda run: with_attributes(run, "time", units="seconds since 1900-01-01"),
+    lambda run: with_attributes(run, "time", units="x since y"),
+    lambda run: with_attributes(run, "spring_force", long_name="$\frac{", units="$x_"),
+    lambda run: with_attributes(run, "spring_force", long_name=3, units=[1.0, 2.0]),
+    lambda run: run.assign(spring_force=0 * run.spring_force),
+    lambda run: run.isel(time=slice(0)),
+    "-",
+)
 
 
-@refused(DAMAGED, globals(), given="run")
+@refused(*DAMAGED)
 @pytest.mark.parametrize(
     "kind", ["overview", *(pytest.param(k, marks=pytest.mark.slow) for k in KINDS)]
 )
@@ -164,7 +164,7 @@ def test_hdf5_of_others(tmp_path, check):
         file["spring_force"] = np.arange(100.0)
         file["time"] = np.arange(100.0)
     check("measure", tmp_path / "run.nc")
-    # a few bytes that unfold to eight terabytes
+    # a few bytes that decompress to eight terabytes
     with h5py.File(tmp_path / "huge.nc", "w") as file:
         file.create_dataset("spring_force", (10**12,), chunks=(10**6,), dtype="f8")
     assert "8e+03 GB, more than 8" in check("measure", tmp_path / "huge.nc", code=2)

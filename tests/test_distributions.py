@@ -1,8 +1,8 @@
-"""Every distribution against quadrature of its own density, and what a distribution
-must be whatever its form.
+"""Every distribution against quadrature of its own density, and properties that every
+distribution must have.
 
 The distributions are those of ``conftest.py``, by the fixtures ``distribution``
-(thresholds) and ``any_distribution`` (those below zero, too).
+(thresholds) and ``any_distribution`` (also those below zero).
 """
 
 import math
@@ -23,13 +23,14 @@ _NODE, _WEIGHT = np.polynomial.legendre.leggauss(16)
 def quadrature(
     distribution: Distribution, above: float = -math.inf, per_octave: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights for the mean of a smooth function over values above a bound.
+    """Return nodes and weights for the mean of a smooth function over values above a
+    bound.
 
-    Gauss-Legendre on panels between the jumps, ever smaller towards each jump so that a
-    power law there does no harm.
+    Gauss-Legendre on panels between the jumps, ever narrower towards each jump, so that
+    a power law there does no harm.
     """
     low, high = distribution.support
-    # Moments and transforms feel more of a tail than the probability does.
+    # Moments and transforms depend more on a tail than the probability does.
     steady = isinstance(distribution, SteadyState)
     tail = distribution.thresholds if steady else distribution
     least = 1e-200 if isinstance(tail, ss.Gaussian) else 1e-60
@@ -51,13 +52,13 @@ def quadrature(
 
 
 def kinks(distribution: Distribution) -> tuple[float, ...]:
-    """Where the density or its slope jumps."""
+    """Return the values at which the density or its slope jumps."""
     steady = isinstance(distribution, SteadyState)
     return distribution.knots + (kinks(distribution.thresholds) if steady else ())
 
 
 def levels(distribution: Distribution) -> np.ndarray:
-    """Stretchings from below to above all values of the distribution."""
+    """Return stretchings from below to above all values of the distribution."""
     low, high = distribution.support
     levels = [1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9]
     quantiles = distribution.inverse_survival(np.array(levels))
@@ -82,7 +83,7 @@ def test_moments_beyond_a_bound(any_distribution, order):
 
 @pytest.mark.eq(3)
 def test_hazard_is_density_over_survival_and_a_slope(any_distribution):
-    """The hazard is minus the slope of the logarithm of the survival, too."""
+    """The hazard also is minus the slope of the logarithm of the survival function."""
     x = any_distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     product = any_distribution.hazard(x) * any_distribution.survival(x)
     np.testing.assert_allclose(product, any_distribution.density(x), rtol=1e-14)
@@ -109,7 +110,8 @@ def test_laplace(any_distribution, order):
     wanted = wanted[known]
     for q in wanted:
         exact = np.sum(weight * node**order * np.exp(-q * node))
-        # Rounding: what cancels is as large as the transform at the real part.
+        # Rounding: the terms that cancel are as large as the transform at the real
+        # part.
         scale = np.sum(weight * np.abs(node) ** order * np.exp(-q.real * node))
         found = any_distribution.transform(np.array(q))[order]
         assert abs(found - exact) <= 1e-11 * scale, q
@@ -141,7 +143,7 @@ def test_survival_falls_from_one_to_zero_and_its_inverse_leads_back(any_distribu
 
 
 def largest_gap(distribution: Distribution, values: np.ndarray) -> float:
-    """Kolmogorov's distance between values and the survival function."""
+    """Return Kolmogorov's distance between values and the survival function."""
     beyond = distribution.survival(np.sort(values))
     n = values.size
     ranks = np.arange(n)
@@ -150,7 +152,9 @@ def largest_gap(distribution: Distribution, values: np.ndarray) -> float:
 
 
 def allowed_gap(n: int) -> float:
-    """Dvoretzky, Kiefer, Wolfowitz, Massart: exceeded once in 1e9 seeds."""
+    """Return the bound of Dvoretzky, Kiefer, Wolfowitz and Massart that is exceeded
+    once in 1e9 seeds.
+    """
     return math.sqrt(math.log(2e9) / (2 * n))
 
 
@@ -278,7 +282,7 @@ def test_empirical_from_samples_is_the_histogram():
 
 @pytest.mark.eq(1)
 def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution):
-    """(d/dx + P) Q_s = 0 for x > 0; at x = 0 all that breaks comes in."""
+    """(d/dx + P) Q_s = 0 for x > 0; at x = 0 all broken contacts re-attach."""
     steady = SteadyState(thresholds=distribution)
     x = distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     h = 1e-6 * distribution.standard_deviation()
@@ -290,7 +294,7 @@ def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution
     node, weight = quadrature(steady)
     node = node[weight > 0]
     weight = weight[weight > 0]
-    # Gamma = Int P Q dx = Q(0): as many are born as break.
+    # Gamma = Int P Q dx = Q(0): as many contacts attach as break.
     born = float(steady.density(0.0))
     broken = float(np.sum(weight * distribution.hazard(node)))
     singular = not math.isfinite(float(distribution.density(1e-300)))
@@ -302,7 +306,7 @@ def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution
 
 @dataclass(frozen=True)
 class Told(Distribution):
-    """What another distribution tells, without what it knows of its transform."""
+    """The values of a distribution without its closed transforms."""
 
     other: Distribution
 
@@ -333,7 +337,7 @@ def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
 
 @dataclass(frozen=True)
 class RaisedCosine(Distribution):
-    """Smooth, of ever fewer digits towards its ends, where 1 + cos cancels."""
+    """Smooth, but 1 + cos cancels towards its ends and loses digits."""
 
     half: float
 
@@ -349,7 +353,7 @@ class RaisedCosine(Distribution):
 
 @dataclass(frozen=True)
 class Semicircle(Distribution):
-    """Of infinite slope at its ends."""
+    """A semicircle, whose slope is infinite at its ends."""
 
     half: float
 
@@ -387,7 +391,7 @@ def test_the_table_of_any_width_is_bounded_and_right(kind, std):
 @pytest.mark.parametrize("std", [0.005, 0.0137, 0.03])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_narrow_thresholds_of_every_kind_slide_alike(std, delay):
-    """Rates of growth differ by the skewness alone, by some std."""
+    """Their growth rates differ only by their skewness, by some std."""
     rates = []
     for kind in (ss.Gamma, ss.Gaussian, ss.LogNormal):
         thresholds = kind(mean=1.0, std=std)

@@ -1,7 +1,6 @@
-"""The documentation: complete, true to the code, and at peace with a machine that has
-no network.
+"""The documentation: complete, true to the code, and built without a network.
 
-Blocks of code in the pages are run by the root conftest.py; here is the rest.
+Code blocks in the pages are run by the root conftest.py; the other checks are here.
 """
 
 import json
@@ -37,7 +36,7 @@ TABLES = (
     rig_keys.keys_of(RandomDelay),
     rig_keys.START,
 )
-"""Tables of a rig file that are always the same."""
+"""Tables of a rig file with a fixed set of keys."""
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts]
 
 
@@ -53,7 +52,7 @@ def house():
 
 
 def found(dotted):
-    """Whether a dotted name leads to something, be it a field without a default."""
+    """Return whether a dotted name exists, also as a field without a default."""
     try:
         pkgutil.resolve_name(dotted)
     except (ImportError, AttributeError):
@@ -68,8 +67,7 @@ def test_every_public_name_is_in_the_reference():
     text = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
     directive = r"^\.\. auto(?:function|class|data):: stickslip\.(\w+)$"
     named = re.findall(directive, text, re.MULTILINE)
-    # Rooms are no functions: each has a page of its own. A room that can be called is
-    # both.
+    # Rooms are not functions: each has its own page. A room that can be called is both.
     rooms = {name for name in ss.__all__ if isinstance(getattr(ss, name), ModuleType)}
     assert sorted({*named, *rooms}) == ss.__all__
 
@@ -86,7 +84,7 @@ def test_names_that_a_page_points_at_exist(page):
 
 @pytest.mark.parametrize("number", range(1, 19))
 def test_every_equation_of_the_paper_is_in_the_theory_once(number):
-    """It has a label, so that other pages can point at it."""
+    """It has a label, so that other pages can refer to it."""
     text = "\n".join(page.read_text() for page in (DOCS / "theory").glob("*.md"))
     assert text.count(rf"\tag{{{number}}}") == 1
     label = rf"^\(eq-{number}\)=\n\n\\begin\{{equation\*\}}"
@@ -95,7 +93,7 @@ def test_every_equation_of_the_paper_is_in_the_theory_once(number):
 
 TESTS_ONLY = "hypothesis", "httpx", "mypy", "playwright", "pytest", "pytest_benchmark"
 TESTS_ONLY += ("sybil",)
-"""Packages that `make docs` does not install: the extra `docs` is without them."""
+"""Packages that `make docs` lacks: the extra `docs` does not include them."""
 
 
 @pytest.mark.parametrize(
@@ -120,7 +118,7 @@ def test_every_command_comes_with_its_options(house):
 
 
 def test_every_key_of_a_rig_file_has_a_meaning_and_an_example(house):
-    """The page says what is taken if the key is left out."""
+    """The page says which value a missing key has."""
     text = house.rig_keys()
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
     kinds = (DISTRIBUTIONS, {"areas": Areas}, AGEING_MODELS, ACTIVATIONS)
@@ -132,13 +130,13 @@ def test_every_key_of_a_rig_file_has_a_meaning_and_an_example(house):
         assert all(cells), f"an empty cell: {row}"
     for table in TABLES:
         for name, key in table.items():
-            # a list of points is read as a whole, by `friction_points`
+            # `friction_points` reads a list of points as a whole
             whole = key.is_table or name == "friction"
             assert whole or key.read(key.example, name, natural=False)
 
 
 def report_of(folder, studies):
-    """A report of the verification in a folder."""
+    """Write a report of the verification into a folder."""
     file = folder / "report.json"
     file.write_text(json.dumps({"made_by": "version 1.0", "studies": studies}))
     return file
@@ -207,7 +205,7 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     ignored = shutil.ignore_patterns("__pycache__", "static")
     shutil.copytree(ROOT / "src" / "stickslip", package, ignore=ignored)
     monkeypatch.setattr(sources, "ROOT", tmp_path)
-    assert house.stale_report(report) == ""  # of the same sources, wherever they lie
+    assert house.stale_report(report) == ""  # from the same sources, wherever they are
     changes = (
         ("plot/runs.py", ""),
         ("fitting/model.py", ": fits."),
@@ -225,11 +223,11 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
 
 
 LINKS = r"<link rel=\"(?:canonical|index|search|next|prev|author)\"[^>]*>"
-"""What a page leads to and does not load."""
+"""Links of a page that it does not load."""
 
 
 def loads(page):
-    """What a page loads: scripts, pictures, styles."""
+    """Return what a page loads: scripts, pictures, styles."""
     text = re.sub(LINKS, "", page.read_text(encoding="utf-8"))
     kinds = "link|script|img|iframe|source|audio|video|embed|object|input"
     tags = re.findall(rf"<(?:{kinds})\b[^>]*>", text)
@@ -244,7 +242,7 @@ def built(tmp_path_factory):
     out = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going"]
     command += ["-b", "html", "-d", out / "doctrees"]
-    # of the report, which takes `make verify`
+    # links to the report, which needs `make verify`
     command += ["-D", "suppress_warnings=house.stale"]
     command += [DOCS, out / "pages"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

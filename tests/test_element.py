@@ -1,4 +1,6 @@
-"""The interface as an element: the way of the slider decides, not how it is cut."""
+"""The interface as an element: results depend on the path, not on its division into
+steps.
+"""
 
 import math
 import pickle
@@ -21,7 +23,7 @@ SHORT = ss.Delay(0.1)
 BASE = ss.Interface(thresholds=TENTH, delay=SHORT)
 TWO_HEAPS = ss.Empirical(edges=(0.5, 0.7, 1.1, 1.3), weights=(1.0, 0.0, 2.0))
 WAYS = [(2.1, 1.7), (-0.4, 0.3), (0.0, 0.2), (0.9, 0.6)]
-"""Ways and durations of lines."""
+"""Displacements and durations of straight parts of a path."""
 SCATTERED = ss.RandomDelay(mean=0.1, std=0.1, negative="clip")
 STRETCHED = {"delay": SHORT, "newborn": ss.Gaussian(mean=0.2, std=0.3)}
 ON_AREAS = {"areas": ss.model.Areas(TENTH), "initial": WIDE}
@@ -49,7 +51,9 @@ INTERFACES |= {name: interface_of(fields) for name, fields in FIELDS.items()}
 
 
 def gone(element, cut, ways=WAYS):
-    """Go the ways in steps; return the work, where the ends are lines, the impulse."""
+    """Move along a path in steps; return the work, the force at the end of each part,
+    the impulse.
+    """
     work = impulse = 0.0
     for way, duration in ways:
         start = element.displacement
@@ -129,7 +133,7 @@ def test_the_event_engine_goes_alike_where_nothing_new_is_drawn(interface):
 def test_contacts_attach_where_the_slider_turns_round_within_a_step():
     interface = ss.Interface(thresholds=ALIKE, initial=WIDE, delay=ss.OnArrest())
     element = ss.Element(interface, ss.Contacts(200, seed=5))
-    v, a, duration = 4.0, -4.0, 1.4  # to 2 and back
+    v, a, duration = 4.0, -4.0, 1.4  # moves to 2 and back
     end = duration * (v + 0.5 * a * duration)
     force = element.step(duration, end, v).force
     assert breaks(element) == 200
@@ -153,7 +157,7 @@ def exact_run():
 
 
 def verlet(rig, dt):
-    """Displacements at the samples, by the recipe of the docstring."""
+    """Displacements at the samples, by the scheme of the docstring."""
     element = ss.Element(rig, rig.method)
     slider = rig.slider
     drive = element.force / slider.stiffness
@@ -184,7 +188,7 @@ def test_verlet_with_the_impulse_is_of_second_order():
 
 
 def runge_kutta(rtol, commits):
-    """Largest error of RK45, with a callback or by commits on acceptance."""
+    """Largest error of RK45, which calls the element or commits accepted steps."""
     element = ss.Element(RINGING, RINGING.method)
     drive = element.force / RINGING.slider.stiffness
     known = element.save(), 0.0
@@ -219,7 +223,7 @@ def test_a_saved_state_goes_on_bit_for_bit():
     gone(one, 3)
     saved = pickle.loads(pickle.dumps(one.save()))
     other = ss.Element(INTERFACES["clip"], ss.Contacts(100, seed=2))
-    other.load(saved)  # the seed is that of the state
+    other.load(saved)  # the seed comes from the state
     gone(one, 3)
     gone(other, 3)
     assert one.save() == other.save()

@@ -1,4 +1,4 @@
-"""Episodes in which a run oscillates whose drive goes through speeds."""
+"""Episodes of oscillation in a run whose drive goes through several speeds."""
 
 from itertools import pairwise
 
@@ -12,9 +12,9 @@ from stickslip.measure.episodes import episodes
 def _run(
     *saws: tuple[float, float, float, float], peak: float = 10.0, speed: float = 2.0
 ) -> xr.Dataset:
-    """A drive that speeds up from 1 to `speed` while saws of a period, between two
-    times, have a drop of this size; the slider is `peak` times as fast as the drive in
-    a drop.
+    """A drive that speeds up from 1 to `speed`. Between two times, saw-teeth of a
+    period and with a drop of this size are added; in a drop the slider is `peak` times
+    as fast as the drive.
     """
     time = np.arange(0.0, 12.0, 1e-3)
     drive = 1.0 + (speed - 1.0) * time / 12.0
@@ -53,7 +53,7 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
     (episode,) = episodes(run)
     assert episode.drops == 15 + 16 + 10
     assert episodes(run, minimum_drop=2.5) == []
-    # one drop in 41, of noise: exp(-(drop/std)^2/8) < .05/41
+    # one noise drop in 41: exp(-(drop/std)^2/8) < .05/41
     assert len(episodes(run, noise=2.0 / 7.4)) == 1
     assert episodes(run, noise=2.0 / 7.2) == []
 
@@ -63,7 +63,7 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
 def test_a_pause_is_longer_than_the_waits_on_both_its_sides(steps, pause):
     begins = [1.0 + (2.0 + pause) * n for n in range(len(steps))]
     saws = [(t, t + 2.0, step, 2.0) for t, step in zip(begins, steps, strict=True)]
-    # a drop alone, which belongs to none
+    # a single drop, which belongs to no episode
     found = episodes(_run((0.2, 0.25, 0.05, 2.0), *saws))
     counts = [round(2.0 / step) for step in steps]
     assert [one.drops for one in found] == (counts if pause else [sum(counts)])
@@ -74,7 +74,7 @@ def test_a_pause_is_longer_than_the_waits_on_both_its_sides(steps, pause):
 def test_slips_that_come_with_the_way_of_the_drive_are_one_episode():
     ways = np.append([1.0, 10.0, 19.0, 28.0], np.arange(29.5, 120.0, 1.5))
     times = (np.sqrt(1.0 + 4.0 * ways * 19.0 / 24.0) - 1.0) * 12.0 / 19.0
-    drops = np.diff(ways)  # as a held slider is loaded
+    drops = np.diff(ways)  # rise of the force while the slider sticks
     saws = [
         (a, b, b - a, drop)
         for (a, b), drop in zip(pairwise(times.tolist()), drops, strict=True)

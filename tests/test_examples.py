@@ -1,4 +1,4 @@
-"""Every example runs as its page says, and what it tells is so."""
+"""Every example runs as its page says, and the statements of the page are true."""
 
 import runpy
 import sys
@@ -23,7 +23,7 @@ QUICK = ("precision_stage", "steps_and_holds", "teaching_bench", "wiper")
 
 
 def example(name, folder="practice"):
-    """What an example holds."""
+    """The content of an example."""
     return SimpleNamespace(**runpy.run_path(str(EXAMPLES / folder / f"{name}.py")))
 
 
@@ -69,7 +69,7 @@ def test_an_example_is_its_own_command(name, tmp_path, monkeypatch, capsys):
 def test_the_wiper_chatters_at_both_ends_of_its_stroke():
     wiper = example("wiper")
     low, high = wiper.chattering(rig.read_rig(wiper.RIG))
-    # m/s: the stroke begins inside, and is fastest outside
+    # m/s: the stroke begins within these speeds, and its fastest part is outside
     assert low < 0.01 < high < 1.0
 
 
@@ -145,7 +145,9 @@ def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_eith
 
 @pytest.mark.slow
 def test_a_slow_front_by_slow_slip():
-    """The fast front, as in theory, stops where the prestress falls; a slow one not."""
+    """The fast front, as in theory, stops where the prestress falls; a slow one does
+    not.
+    """
     module = example("slow_front", "elastic")
     run = ss.simulate(module.rig(beyond=0.44))
     fast, slow = module.speeds(run)
@@ -163,7 +165,7 @@ def test_a_slow_front_by_slow_slip():
 @pytest.mark.slow
 def test_few_contacts_without_weakening_move_as_paper_on_paper_does():
     diagram = example("regime_diagram")
-    slow = []  # drops in mN, at 42 um/s
+    slow = []  # drops of the force in mN, at 42 um/s
     for (stiffness, velocity), row in diagram.compared():
         motions = [motion for _, motion in row.values()]
         assert len({diagram.word(motion) for motion in motions}) == 1

@@ -1,4 +1,4 @@
-"""The explorer without a browser: documents, answers, and what its server refuses."""
+"""The explorer without a browser: documents, answers, and what the server refuses."""
 
 import base64
 import http.client
@@ -30,11 +30,11 @@ NATURAL = "Sliding or stick-slip? (natural units)"
 
 
 def silent(_share):
-    """Watch that nothing happens to."""
+    """A watch that never interrupts."""
 
 
 def preset(title, among=documents.presets()):
-    """A copy of the document of a preset."""
+    """Return a copy of the document of a preset."""
     (found,) = (each["document"] for each in among if each["title"] == title)
     return deepcopy(found)
 
@@ -89,12 +89,12 @@ def test_a_rig_is_the_same_in_other_units(document):
     returned = documents.in_units(there["document"], units, scales)["document"]
     was = documents.rig_of(document)
     back = documents.rig_of(returned)
-    if document == documents.first_document():  # in its very words
+    if document == documents.first_document():  # word for word
         keys = "interface.contact_strength", "slider.stiffness", "drive.velocity"
         for table, key in (each.split(".") for each in keys):
             assert returned[table][key] == document[table][key]
-    # The unit of time may change on the way; ratios that hold no time do not. The page
-    # shows five digits.
+    # The unit of time may change on the way, which ratios without time do not feel. The
+    # page shows five digits.
     assert back.slider.stiffness == pytest.approx(was.slider.stiffness, rel=1e-3)
     energies = [each.slider.mass * each.natural.velocity**2 for each in (back, was)]
     assert energies[0] == pytest.approx(energies[1], rel=3e-3)
@@ -108,7 +108,7 @@ NATURAL_AND_SI = small(), documents.of(rigs.example("pmma_slider"))
 @pytest.mark.parametrize("parameter", documents.NAMES)
 @pytest.mark.parametrize("document", NATURAL_AND_SI, ids=["natural", "SI"])
 def test_a_parameter_turned_is_where_it_was_put(parameter, document):
-    # in the unit of time of the document; other thresholds have none to turn
+    # in the unit of time of the document; other thresholds have none to convert
     if parameter == "ageing":
         with pytest.raises(InputError, match="has no ageing to vary"):
             documents.with_parameters(document, {"ageing": 1.0})
@@ -192,7 +192,7 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
 
 
 def test_answers_are_json():
-    request = {"document": small(interface__delay="never"), "cursor": 7}  # of 0 to 1
+    request = {"document": small(interface__delay="never"), "cursor": 7}  # beyond 1
     for answer in simulate.run(request, silent):
         json.dumps(answer, allow_nan=False)
 
@@ -280,7 +280,7 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     quiet = np.abs(np.gradient(friction)) < 5e-3
     expected = np.interp(arrays["times"], run["time"], run["friction_force"])
     np.testing.assert_allclose(friction[quiet], expected[quiet], atol=0.02)
-    # As many breaks as the run had: seen detached, or attached elsewhere, in the next
+    # All breaks of the run are shown: detached, or attached elsewhere, in the next
     # frame.
     broke = held[:-1] & (~held[1:] | (flags[1:] & 2 == 2))
     assert broke.sum() > 40
@@ -330,7 +330,7 @@ BENCH = {"stiffness": "350 N/m", "speed": "1.5 mm/s", "mass": "75.6 g"}
 
 @pytest.fixture(scope="module")
 def slips():
-    """The sample, as a page sends it: slips of known truth."""
+    """The sample as a page sends it: slips with known parameters."""
     (answer,) = traces.sample({}, silent)
     return {"name": "sample.csv", "content": answer["text"].encode()}
 
@@ -340,7 +340,7 @@ def test_readings_are_those_of_the_trace(slips, monkeypatch, tmp_path):
     first, missing, plan = traces.fit(slips, silent)
     peaks = fitting.pick_events(fitting.synthetic_trace()).peaks
     assert float(first["readings"]["static"]) == pytest.approx(peaks.mean(), rel=1e-3)
-    # the truth of the sample
+    # the parameters of the sample
     assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)
     needed = "the stiffness of the driving spring, its speed and the mass of the slider"
     assert needed in missing["missing"]
@@ -371,7 +371,7 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
 
 @pytest.mark.takes(5)
 def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
-    """Friction in its fast slips says less than slow sliding, which gives the delay."""
+    """Friction in fast slips tells less than slow sliding, which gives the delay."""
     bench = documents.rig_of(documents.first_document())
     run = simulated(bench)
     columns = zip(run["time"].values, run["spring_force"].values, strict=True)
@@ -384,7 +384,7 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
     for more, error, marked in (({}, 0.3, True), (kinetic, 0.2, False)):
         request = {"content": content, "options": known | more}
         first, answer, _ = traces.fit(request, silent)
-        # not the ringing that each sets off
+        # not the ringing that follows each
         assert first["slips"][0].startswith("13 slips")
         made = documents.rig_of(answer["quick"]["document"])
         assert made.value("delay") == pytest.approx(bench.value("delay"), rel=error)
@@ -422,7 +422,7 @@ COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
 def test_what_a_page_refuses_is_one_line_about_its_fields(
     slips, monkeypatch, tmp_path, ask, given, words
 ):
-    # a table that is kept already would be taken
+    # a table that is already kept would be used
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
     with pytest.raises(InputError, match=words) as refused:
         list(ask(slips | given, silent))
@@ -529,7 +529,7 @@ def told(answer):
 
 
 def quick_rig(**parts):
-    """The bench among the examples, in a short run of few contacts."""
+    """The bench of the examples, in a short run of few contacts."""
     document = documents.of(rigs.example("pmma_slider"))
     document["simulation"] = {"contacts": 100}
     document["drive"] = {"velocity": "0.4 mm/s", "distance": "10 um"}
@@ -537,7 +537,7 @@ def quick_rig(**parts):
 
 
 def asked(kind, content=None, **more):
-    """A message, as a page sends it."""
+    """Return a message as a page sends it."""
     text = json.dumps({"kind": kind, "id": 1} | more)
     return text if content is None else text.encode() + b"\n" + content
 

@@ -1,4 +1,4 @@
-"""The explorer with --share: behind a token, fair to all, steady with forty."""
+"""The explorer with --share: behind a token, fair to all, steady for forty users."""
 
 import http.client
 import json
@@ -59,7 +59,7 @@ def test_a_long_computation_holds_up_nobody(lesson):
         assert first.ask(
             "chart", documents.first_document(), over=["stiffness", "velocity"]
         ).get("done")
-        for session in rest:  # they were there first, and are still at it
+        for session in rest:  # they came first, and are still being served
             with suppress(TimeoutError):
                 while True:
                     assert not json.loads(session.websocket.recv(timeout=0)).get("done")
@@ -92,7 +92,7 @@ def test_work_that_nobody_waits_for_is_ended(lesson):
 
 @pytest.mark.slow
 def test_forty_visitors(lesson):
-    """Each answered within 5 s, none with another's rig, memory steady."""
+    """Each is answered within 5 s, with its own rig, and memory stays steady."""
     seconds = float(os.environ.get("STICKSLIP_LESSON", "120"))
     visitors = 40
     waits = []

@@ -1,6 +1,6 @@
 """The explorer in a real browser: what a user does on each page.
 
-Every window complains of anything in its console.
+Every window fails on any message in its console.
 """
 
 import base64
@@ -28,7 +28,7 @@ pytestmark = [
 ]
 
 PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
-"""A folder, such as docs/images: the pictures of the docs are written there."""
+"""Folder, such as docs/images, into which the pictures of the docs are written."""
 SCREEN = {"width": 1280, "height": 800}
 PHONE = {"width": 390, "height": 844}
 NATURAL = "Sliding or stick-slip? (natural units)"
@@ -64,7 +64,7 @@ def page(bench):
 
 
 def settled(page, about="run"):
-    """Wait until what stands on the page is about the rig in its fields."""
+    """Wait until the page shows the rig in its fields."""
     page.wait_for_selector(f"body[data-{about}-state='']")
 
 
@@ -75,13 +75,13 @@ def put(page, selector, text):
 
 
 def enter(page, field, text, then=""):
-    """Type into a field, and wait until it is accepted, or refused."""
+    """Type into a field, and wait until the value is accepted or refused."""
     put(page, f"#field-{field}", text)
     page.wait_for_selector(f"body[data-run-state='{then}']")
 
 
 def until(page, expression):
-    """Wait until JavaScript says so: the page forbids `wait_for_function`."""
+    """Wait until a JavaScript condition holds: the page forbids `wait_for_function`."""
     for _ in range(headless.PATIENCE // 100):
         if page.evaluate(expression):
             return
@@ -101,7 +101,7 @@ def move(page, value, selector=STIFFNESS):
 
 
 def state(page):
-    """The document in the address; what is typed counts on leaving the field."""
+    """Return the document in the address; typed text counts once the field is left."""
     page.evaluate("document.activeElement.blur()")
     page.click("#link")
     text = page.evaluate("location.hash").partition("/")[2]
@@ -151,7 +151,7 @@ def test_the_first_minute_a_softer_spring_and_a_kept_trace(bench):
 
 
 def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
-    heights = set()  # a text that moved the fields would move them under the pointer
+    heights = set()  # a text that shifted fields would move them under the pointer
     for each in documents.presets():
         choose(bench, each["title"])
         assert bench.locator(".complaint:visible").count() == 0
@@ -212,7 +212,7 @@ def test_fields_take_numbers_with_units_and_refuse_the_rest_beside_them(bench):
             opacity = bench.evaluate(f"getComputedStyle({faded}).opacity")
             assert float(opacity) < 0.5
         assert "Refused" in bench.text_content("#run-words")
-        enter(bench, field, before)  # and the page lives on
+        enter(bench, field, before)  # and the page still works
         assert bench.locator(".complaint:visible").count() == 0
 
 
@@ -256,7 +256,7 @@ def test_nothing_is_simulated_while_a_number_is_typed_and_the_newest_move_wins(p
     assert "press Enter" in page.text_content("#run-words")
     page.press(STIFFNESS, "Enter")
     settled(page)
-    page.fill(STIFFNESS, "3.5")  # counts after a pause
+    page.fill(STIFFNESS, "3.5")  # takes effect after a pause
     until(page, "window.runs.length === 2")
     assert page.evaluate("window.runs") == [1.5, 3.5]
     page.evaluate(
@@ -353,12 +353,12 @@ def test_the_map_follows_the_rig_and_moves_it(page):
     page.mouse.move(box["x"] + 0.9 * box["width"], middle)
     page.mouse.up()
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8) - 1) < 0.02")
-    page.locator("#plot-map").press("ArrowLeft")  # before its run comes: the dot stays
+    page.locator("#plot-map").press("ArrowLeft")  # before the run comes: the dot stays
     page.locator("#plot-map").press("ArrowRight")
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8) - 1) < 0.02")
     settled(page)
-    # off stick-slip; by how far the run goes on the noise of the contacts is undecided
-    # or a small oscillation
+    # not stick-slip; whether it is undecided or a small oscillation depends on the
+    # noise of the contacts
     regime = "document.querySelector('#map-regime').textContent"
     until(page, f"/^(smooth|undecided|sustained)/.test({regime})")
     page.locator("#plot-map").press("ArrowLeft")
@@ -594,7 +594,7 @@ def test_a_link_restores_the_state_and_computes_nothing_before_a_click(
     other = context.new_page()
     asked = []
 
-    def hear(sent):  # playwright takes no method of a list
+    def hear(sent):  # playwright accepts no bound method of a list
         asked.append(sent)
 
     other.on("websocket", lambda socket: socket.on("framesent", hear))
@@ -608,7 +608,7 @@ def test_a_link_restores_the_state_and_computes_nothing_before_a_click(
     assert asked == []
     other.click("#go")
     settled(other)
-    other.reload()  # one's own page goes on by itself
+    other.reload()  # the own page reloads by itself
     settled(other)
     context.close()
     with headless.window(browser, server, "#interface/%%%") as damaged:
@@ -639,9 +639,8 @@ def test_two_windows_do_not_disturb_each_other_and_outlive_the_server(browser):
 
 @pytest.mark.parametrize("size", [SCREEN, PHONE], ids=["screen", "phone"])
 def test_every_page_fits_and_is_accessible_to_all(browser, server, tmp_path, size):
-    """Nothing sticks out sideways and no label is cut off, light and dark.
-
-    Pictures for the docs on request.
+    """Nothing overflows sideways and no label is cut off, in light and dark mode. Draws
+    the pictures for the docs on request.
     """
     ready = {
         "simulate": "#plot-stretchings .trace",
@@ -710,7 +709,7 @@ def contrast(one, two):
 
 
 def test_every_control_can_be_touched_without_an_error(bench):
-    """`window` complains of anything in the console."""
+    """`window` fails on any message in the console."""
     page = bench
     for name in ("simulate", "map", "stop", "trace", "fit", "fronts"):
         page.click(f"#tab-{name}")

@@ -1,4 +1,4 @@
-"""An interface as other programs take it."""
+"""An interface exported for other programs."""
 
 import io
 import json
@@ -92,7 +92,7 @@ LABEL = "good for compensation and slow motion; predicts neither squeal nor hunt
 
 
 def numbers_in(text):
-    """Numbers of the lines that are no notes."""
+    """Return the numbers of the lines that are not comments."""
     lines = [line for line in text.splitlines() if line[:1] not in "/%#<v"]
     return [float(each) for each in re.findall(r"(?<![\w.])\d[\d.e+-]*", str(lines))]
 

@@ -1,5 +1,5 @@
-"""A distribution, delay, ageing, barrier, body, engine and parameter of one's own: a
-class and a registration each.
+"""Extensions by users: a distribution, delay, ageing, barrier, body, engine and
+parameter, each a class and a registration.
 """
 
 import ast
@@ -51,7 +51,7 @@ TABLES += (activation.ACTIVATIONS, parameters.BY_NAME, ENGINES)
 
 @contextmanager
 def as_shipped():
-    """Whatever is registered within, is known within alone."""
+    """Undo at the end of the test all registrations made in it."""
     with ExitStack() as stack:
         for table in TABLES:
             stack.enter_context(mock.patch.dict(table))
@@ -76,14 +76,14 @@ Triangular, ConstantRate, Steep, set_ratio = taught()
 
 @dataclass(frozen=True)
 class Glued:
-    """Method: contacts never break, under a slider half as fast as the drive."""
+    """Contacts never break, under a slider half as fast as the drive."""
 
     stretched: Annotated[float, Number("x_s", at_least=0)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hardened(ageing.AgeingModel):
-    """Thresholds rise by a factor at birth: known in all respects, as without."""
+    """Thresholds times a factor at birth: everything is known of them, as without."""
 
     factor: Annotated[float, Number(at_least=1)]
 
@@ -128,7 +128,7 @@ class GluedContacts(Engine):
         return Stretchings(stretching, np.ones(1), cells=False)
 
     def advance(self, leg):
-        """All at once: a drive of constant velocity from the beginning on."""
+        """Advance in one go, for a drive of constant velocity from the start."""
         speed = 0.5 * leg.drive.velocity
         X = speed * np.append(leg.times, leg.end)
         self._now = float(leg.end), float(X[-1])
@@ -138,7 +138,7 @@ class GluedContacts(Engine):
 
 @dataclass(frozen=True, kw_only=True)
 class Star(body.ElasticBody):
-    """Blocks that are each coupled to the first one only."""
+    """Blocks each of which is coupled to the first one only."""
 
     arms: Annotated[int, Number(at_least=1)]
 
@@ -166,7 +166,7 @@ ZETA = Parameter(
 
 @pytest.fixture(scope="module", autouse=True)
 def _registered() -> Iterator[None]:
-    """As the decorators do it; other tests see only what comes with the package."""
+    """Register as decorators do; `as_shipped` keeps it from other tests."""
     with as_shipped():
         distributions.register("triangle of a test")(Triangular)
         delays.register("rate of a test")(ConstantRate)
@@ -195,7 +195,7 @@ def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
 
 
 def is_kept(rig):
-    """The text of a rig's file, which gives it back; its run is made again, too."""
+    """Return the text of a rig's file, once it is read back and its run repeated."""
     run = ss.simulate(rig)
     text = rig_files.to_toml(rig)
     assert ss.rerun(run).identical(run)
@@ -272,7 +272,7 @@ def test_stability_takes_them_by_name():
         found = (ss.critical(each, parameter, between=between) for each in rigs)
         own, other = ([edge.value for edge in crossings] for crossings in found)
         assert len(own) > 0
-        # The square of a bin over the standard deviation
+        # The square of a bin width over that of the standard deviation
         assert own == pytest.approx(other, rel=1.5e-4)
     damping = rig.replace(**{"damping ratio": own[0]}).slider.damping
     assert damping == pytest.approx(2 * own[0] * SLIDER.frequency)
@@ -329,7 +329,7 @@ def test_an_engine_of_ones_own():
     np.testing.assert_array_equal(run["friction_force"], 0.5 * run["time"] + 0.3)
     np.testing.assert_allclose(run["spring_force"], run["time"])  # the stiffness is 2
     assert 'method = "glued of a test"' in is_kept(rig)
-    # it grows for ever
+    # it grows without bound
     assert (ss.sweep(rig, {"stiffness": [1.0, 2.0]})["mean_force"] > 10.0).all()
     for field in ({"ageing": ss.Langevin(rate=1.0)}, {"sliding_force": 0.1}):
         message = r"Interface\..* = .*: not available with Glued"
@@ -341,8 +341,8 @@ def test_an_engine_of_ones_own():
 def test_a_body_of_ones_own():
     rig = rig_with(ss.Delay(0.1), distance=2.0)
     rig = replace(rig, slider=STAR, method=ss.Contacts(50, seed=1))
-    # Arms that move against each other feel the springs alone; all else is the one row
-    # of two blocks, root 4.
+    # Arms that move against each other feel the springs alone; the other modes are
+    # those of a row of two blocks, with root 4.
     link = -2.0 * math.sqrt(4)
     pair = np.linalg.eigvalsh([[4 * 2.0 + 0.5, link], [link, 2.0]])
     expected = np.sort([*pair, 2.0, 2.0, 2.0]) + 0.1
@@ -397,7 +397,7 @@ def test_a_barrier_of_ones_own():
     steep = Steep(slope=100.0, period=1e-6)
     interfaces = (replace(rig.interface, activation=each) for each in (steep, bell))
     own, known = (replace(rig, interface=each) for each in interfaces)
-    assert own.interface == known.interface  # which keeps the form
+    assert own.interface == known.interface  # which keeps the shape
     for method in (ss.Contacts(500, seed=2), ss.MasterEquation(rtol=1e-3)):
         is_kept(replace(own, method=method))
     force = ss.kinetic_friction(known.interface, 1.0)

@@ -1,5 +1,5 @@
-"""Every call that writes fails once, the first, the second, until none does: a file is
-the old one or the new one, and one line says what happened.
+"""Every system call that writes fails once: the first, then the second, until none
+does. The file is then the old one or the new one, and one line says what happened.
 """
 
 import contextlib
@@ -25,8 +25,8 @@ RIG = ss.Rig(
     ss.constant(1.0, duration=0.1),
     method=ss.Contacts(20, seed=1),
 )
-MOST = 200  # calls of a test
-# cases of a store that was begun, and of the whole sweep
+MOST = 200  # most calls of a test
+# cases of the store at the start, and of the whole sweep
 OLD = 2
 ALL = 4
 
@@ -44,7 +44,7 @@ def _page(place, state):
 
 
 def _whole(place):
-    """Which state a file holds, and that it is whole; None for no file."""
+    """Return which state a complete file holds; None if there is no file."""
     if not place.exists():
         return None
     if place.suffix == ".html":
@@ -92,7 +92,7 @@ def test_a_file_is_the_old_one_or_the_new_one(tmp_path, name, write, old, code):
 
 
 def _sweep(place, new):
-    """Take up a store that may be there, add cases, and close it."""
+    """Open a store, which may exist, add cases, and close it."""
     table = Store(place, {"identity": {"rig": "a"}})
     try:
         for n in new:
@@ -115,7 +115,7 @@ def _cases(place):
 
 
 def _check_store(folder, place, faults, said, begun):
-    """Cases are all there, or those of the commits so far, and the sweep goes on."""
+    """Check that all cases or the committed ones are there, and the sweep goes on."""
     old = {f"case {n}" for n in range(OLD)}
     every = {f"case {n}" for n in range(ALL)}
     commits = [{f"case {n}" for n in range(ALL - 1)}, every]
@@ -162,7 +162,7 @@ def test_a_store_keeps_every_commit(tmp_path, fail, begun, code):
 
 @pytest.mark.parametrize("code", ERRORS, ids=errno.errorcode.get)
 def test_the_command_line_says_it_in_one_line(tmp_path, capsys, code):
-    """And ends with 2 where there is no output, whatever failed."""
+    """It exits with 2 if there is no output, whatever failed."""
     place = tmp_path / "run.nc"
     rig = tmp_path / "rig.toml"
     rig.write_text(rig_files.to_toml(RIG))

@@ -1,4 +1,4 @@
-"""Reading and writing files: regular ones, whole or not at all, nothing left behind."""
+"""Reading and writing files: regular ones, completely or not at all, no rest behind."""
 
 import os
 import socket
@@ -12,7 +12,7 @@ from stickslip.io import files
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A folder with one thing of each kind, and the folder that commands run in."""
+    """A folder with one file of each kind, in which the commands run."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_bytes(b"old")
     (tmp_path / "kept").write_bytes(b"old")

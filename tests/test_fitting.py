@@ -33,7 +33,7 @@ NARROW = replace(NARROW, sliding_force=(0.2, 0.8), stiffness_ratio=(0.01, 0.3))
 
 
 def saw(peaks, troughs, *, samples=50.0, noise=0.0, seed=0):
-    """A trace of these slips of 10 N, with `samples` from slip to slip on average."""
+    """A trace of slips of about 10 N, with `samples` from slip to slip on average."""
     peaks, troughs = 10.0 * peaks / peaks.mean(), 10.0 * troughs / peaks.mean()
     step = 2.0 * (peaks[1:] - troughs[:-1]).mean() / samples
     return sampled(peaks, troughs, 0.5, step, 10.0 * noise, np.random.default_rng(seed))
@@ -52,7 +52,7 @@ def _cache(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found():
-    """A fit with a small table, over a narrow prior."""
+    """A fit with a small table of simulations, over a narrow prior."""
     known = {"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"}
     return ss.fit(bench(noise=0.002), prior=NARROW, draws=1500, known=known)
 
@@ -76,7 +76,7 @@ def test_the_slips_of_a_measured_trace(smallest):
         (events.recurrence, 6.08, 0.05),
         (events.drift, 1.45, 0.08),
         (events.sawtooth, 10.7, 0.5),
-        # without the drift, which hides them
+        # after removing the drift, which hides them
         (found["corr(peak, trough)"], -0.60, 0.05),
         (found["corr(trough, next peak)"], 0.26, 0.04),
     ):
@@ -105,7 +105,7 @@ def trace_of(force):
 
 @pytest.mark.parametrize("of_the_slider", [False, True])
 def test_a_measured_velocity_is_that_of_the_drive(of_the_slider):
-    """A drive at .1 mm/s, on a spring of 2 N/mm, measured in mm/s with noise."""
+    """The drive moves at .1 mm/s on a spring of 2 N/mm, measured in mm/s with noise."""
     t = 0.01 * np.arange(20_000)
     force = 10.0 + 2.0 * 0.1 * np.interp(t % 1.5, [0.0, 1.2, 1.5], [0.0, 1.2, 0.0])
     speed = 0.1 + RNG(2).normal(0.0, 0.01, t.size)
@@ -127,32 +127,36 @@ SLOW_AND_FAST = [
     saw(PEAKS[60:], TROUGHS[60:], samples=30),
 ]
 OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
-NOT_STICK_SLIP = """
-trace_of(SINE)
-    rises for 1 times as long as it drops: an oscillation or noise, not stick-slip
-trace_of(10 + 0.2 * RNG(0).normal(size=20_000))
-    cannot be distinguished from noise
-trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000)))
-    slip count depends on
-trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST]))
-    loading rate changes 4
-saw(np.append(PEAKS[:60], OTHER[0]), np.append(TROUGHS[:60], OTHER[1]))
-    halves of the trace differ
-bench(count=25)
-    slips: at least 30
-bench(samples=8)
-    samples from slip to slip
-bench(noise=0.05)
-    of the peak force: at most 3 %
-with_column(filled=lambda t: np.abs(np.arange(t.size) - 1000.5) < 3)
-    6 samples in a row
-with_column(load=lambda t: np.linspace(20.0, 24.0, t.size))
-    normal load changes by
-bench(noise=0.002).map(lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True))
-    fit: the tops of the force are flat
-trace_of(np.full(1000, 5.0))
-    0 drops
-"""
+NOT_STICK_SLIP = (
+    lambda: trace_of(SINE),
+    "rises for 1 times as long as it drops: an oscillation or noise, not stick-slip",
+    lambda: trace_of(10 + 0.2 * RNG(0).normal(size=20_000)),
+    "cannot be distinguished from noise",
+    lambda: trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),
+    "slip count depends on",
+    lambda: trace_of(
+        np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])
+    ),
+    "loading rate changes 4",
+    lambda: saw(np.append(PEAKS[:60], OTHER[0]), np.append(TROUGHS[:60], OTHER[1])),
+    "halves of the trace differ",
+    lambda: bench(count=25),
+    "slips: at least 30",
+    lambda: bench(samples=8),
+    "samples from slip to slip",
+    lambda: bench(noise=0.05),
+    "of the peak force: at most 3 %",
+    lambda: with_column(filled=lambda t: np.abs(np.arange(t.size) - 1000.5) < 3),
+    "6 samples in a row",
+    lambda: with_column(load=lambda t: np.linspace(20.0, 24.0, t.size)),
+    "normal load changes by",
+    lambda: bench(noise=0.002).map(
+        lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)
+    ),
+    "fit: the tops of the force are flat",
+    lambda: trace_of(np.full(1000, 5.0)),
+    "0 drops",
+)
 
 
 def with_column(**made):
@@ -160,7 +164,7 @@ def with_column(**made):
     return trace.assign({n: ("time", column(trace.time)) for n, column in made.items()})
 
 
-@refused(NOT_STICK_SLIP, globals())
+@refused(*NOT_STICK_SLIP)
 def test_what_is_refused(call, message):
     with pytest.raises(ss.InputError, match=message) as error:
         ss.fit(call(), draws=100)
@@ -169,7 +173,7 @@ def test_what_is_refused(call, message):
 
 @pytest.mark.slow
 def test_a_long_trace_is_fitted_in_stretches():
-    """Each is compared with series as long; what they tell is their mean."""
+    """Each stretch is compared with series of its length; the fits are averaged."""
     trace = fitting.pick_events(bench(count=340, noise=0.002))
     middle = len(trace) // 2
     halves = [trace.part(begin, begin + middle) for begin in (0, middle)]
@@ -185,7 +189,7 @@ def test_a_long_trace_is_fitted_in_stretches():
 
 
 def test_contacts_all_alike_without_scatter_give_equal_slips():
-    """One contact, no scatter: the drop is what the overshoot says."""
+    """Without scatter the overshoot alone determines the drop."""
     stiffness = 0.5
     ratio = 0.2
     residual = 0.4
@@ -194,7 +198,7 @@ def test_contacts_all_alike_without_scatter_give_equal_slips():
     overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
     # force of the spring where the slider stops
     stopped = residual - overshoot * (1.0 - residual)
-    # re-attached, it rings down there
+    # once contacts have re-attached, it rings down there
     settled = (stiffness * residual + stopped) / (1.0 + stiffness)
     np.testing.assert_allclose(peaks, 1.0, rtol=1e-12)
     np.testing.assert_allclose(troughs, settled, rtol=1e-9)
@@ -218,7 +222,7 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
 
 
 def seen_of(observation, peaks, troughs, **how):
-    """Statistics of one series of slips, as a bench sees it."""
+    """Statistics of one series of slips as recorded on a bench."""
     slips = {"count": np.array([peaks.size]), "peaks": peaks[None]}
     slips["troughs"] = troughs[None]
     one = ss.fitting.SeriesTable(prior=Prior(), parts=np.empty((1, 6)), **slips)
@@ -226,7 +230,7 @@ def seen_of(observation, peaks, troughs, **how):
 
 
 def test_the_observation_biases_simulations_as_it_does_traces():
-    """Statistics of a trace are those of its slips seen so, not of the bare ones."""
+    """Statistics of a trace are those of its slips as recorded, not of the true."""
     rig = np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15])
     peaks, troughs = simulate(rig, 400, np.random.default_rng(5))
     events = fitting.pick_events(saw(peaks, troughs, samples=24, noise=0.004))
@@ -248,13 +252,13 @@ def test_what_is_known_holds_for_the_draws():
     observed = seen_of(ideal, peaks, troughs, seed=1)
 
     def likelihood(values):
-        """The sliding friction is known to be a half."""
+        """A case in which the sliding friction is known to be a half."""
         return np.exp(-0.5 * ((values[..., 2] - 0.5) / error) ** 2)
 
     sample = infer(made, ideal, observed, likelihood=likelihood, nearest=40)
     values = made.prior.values(sample.parts)[:, 2]
     assert sample.weights.sum() == pytest.approx(1.0)
-    # Twice its error: the regression moves them by what their statistics say.
+    # Twice its error: the regression adjusts the draws by their statistics.
     assert math.sqrt(float(sample.weights @ (values - 0.5) ** 2)) < 2.0 * error
 
 
@@ -306,8 +310,7 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     rate = fitting.pick_events(trace).loading_rate
     K = 100.0
     speed = rate * (1.0 + 0.25) / K
-    # Within the series that would not be refused such a stiff spring is rare: more
-    # draws than else.
+    # Of series that would not be refused such a stiff spring is rare: more draws.
     known = {"stiffness": K, "velocity": (speed, 0.02 * speed)}
     found = ss.fit(trace, prior=NARROW, draws=4000, known=known)
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
@@ -324,7 +327,7 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     again = ss.read_rig(path)
     assert (again, again.fitted) == (rig, rig.fitted)
     assert "interface.delay" in again.assumed
-    assert "mass" not in str(again.fitted)  # it was known, as the stiffness was
+    assert "mass" not in str(again.fitted)  # the mass was given, like the stiffness
     drawn = [*fitting.rigs_drawn(again)]
     assert [each.value("stiffness") for each in drawn] == pytest.approx([100.0] * 100)
     heavier = again.with_values(mass=2.0 * again.value("mass"))
@@ -335,7 +338,7 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
 
 @pytest.mark.slow
 def test_a_fitted_rig_is_judged_over_its_draws(found):
-    """By runs, as contacts re-attach on arrest; a trace of stick-slip was fitted."""
+    """By runs, as contacts re-attach on arrest; the fitted trace was stick-slip."""
     doubt = ss.advise.Doubt.of(found.rig(), Budget(math.inf))
     assert doubt.draws == 64
     assert doubt.oscillates > 0.9
@@ -343,8 +346,8 @@ def test_a_fitted_rig_is_judged_over_its_draws(found):
 
 
 def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
-    """With other contacts than it was chosen by: within the errors of the two means,
-    99 %, and a tenth for choosing.
+    """With other contacts than those it was chosen with: within the errors of the two
+    means (99 %), and a tenth for the choice.
     """
     rig = found.rig()
     assert "its own run drops" in rig.source
@@ -354,7 +357,7 @@ def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
     away = np.abs(found.values[:, 2] / residual - 1.0)
     away += np.abs(found.strength / rig.unit("f_s") - 1.0)
     i = int(np.argmin(away))
-    # of a spring of 100 N/m
+    # for a spring of 100 N/m
     assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)
     other = rig.replace(method=ss.Contacts(rig.method.count, seed=2))
     made = remade(other, found.events, found.known)
@@ -432,7 +435,7 @@ def test_what_was_given_has_the_error_that_it_was_given_with(found):
 def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
     exact = {name: (value, 0.0) for name, (value, _) in found.known.items()}
     one = replace(found, known=exact)
-    # a coefficient, under a load of 20 N
+    # the strength as a coefficient of friction, under 20 N
     other = replace(one, events=replace(found.events, force_unit=unit))
     assert other.simulated()["spring_force"].units == unit
     forces = "contact_strength", "sliding_friction"

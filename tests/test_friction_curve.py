@@ -1,4 +1,4 @@
-"""Growth of thresholds by a table, and the growth behind a measured friction curve."""
+"""Growth of thresholds: by a table, and inferred from a measured friction curve."""
 
 import tomllib
 from dataclasses import replace
@@ -16,7 +16,7 @@ from stickslip.model import TabulatedGrowth
 
 SPEEDS = np.geomspace(0.03, 30.0, 13)
 RULE = ss.ExponentialGrowth(rate=1.0)
-# the same growth, by a table
+# the same growth given by a table
 AGES = np.geomspace(0.003, 30.0, 60)
 TABLE = TabulatedGrowth(tuple(AGES), tuple(-np.expm1(-AGES)))
 
@@ -34,7 +34,7 @@ def test_a_table_of_a_rule_slides_as_the_rule(std):
 
 
 def test_friction_is_the_work_of_a_life_over_its_length():
-    """``F = v <t^2>/(2 <t>)``, with the ages from a search by hand."""
+    """``F = v <t^2>/(2 <t>)``, with the ages at breaking found here by a search."""
     growth = TabulatedGrowth((0.1, 0.7, 2.0, 9.0), (0.4, 0.8, 0.75, 1.0))
     interface = contacts(0.2, ageing=growth)
     s = interface.threshold_distribution.inverse_survival((np.arange(4000) + 0.5) / 4e3)
@@ -110,7 +110,7 @@ def test_a_curve_goes_through_its_points(power, std):
     np.testing.assert_allclose(found, force, rtol=1e-6)
     assert curve.viscosity == 0.0
     assert curve.delayed is None
-    # strengths hardly sink anywhere, and between the points friction is near
+    # strengths hardly fall, and between the points the friction is close
     assert np.diff(curve.interface.ageing.strengths).min() > -0.03
     between = np.sqrt(SPEEDS[1:] * SPEEDS[:-1])
     near = 0.3 + 0.2 * np.exp(-(between**power))
@@ -197,7 +197,7 @@ def test_curves_that_no_contacts_give(points, message):
 def test_rounding_is_the_error_of_points_without_one():
     rounded = ss.friction_curve([(0.1, 0.45), (1, 0.31), (3, 0.3), (10, 0.31)])
     assert rounded.measured.errors == pytest.approx([0.005] * 4)
-    # no more than rounding makes
+    # no more than by rounding
     assert rounded.viscosity == 0.0
 
 
@@ -229,7 +229,7 @@ def test_a_rig_file_takes_a_curve_of_coefficients():
     rig = stage()
     for speed, mu in ((1e-4, 0.3), (1e-3, 0.27), (1e-2, 0.205)):
         assert friction_of(rig, speed)[0] == pytest.approx(100.0 * mu, rel=1e-6)
-    assert rig.interface.ageing.strengths[-1] == 1.0  # those of the distribution
+    assert rig.interface.ageing.strengths[-1] == 1.0  # as the distribution gives
     friction = {"normal_load": "100 N", "mu_s": 0.33, "mu_k": 0.3}
     friction["breaking_displacement"] = "20 um"
     by_peak = ss.read_rig(STAGE | {"interface": friction})
@@ -251,7 +251,7 @@ def test_a_rig_of_a_curve_is_written_and_read_again(own):
 
 
 def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
-    """The same curve, as forces in a CSV file; its rise is a damping of the slider."""
+    """The same curve, as forces in a file; its rise becomes a damping of the slider."""
     (tmp_path / "mu.csv").write_text(
         "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
         "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
@@ -276,7 +276,7 @@ def test_friction_without_weakening():
 def test_viscosity_is_a_damping_of_its_own():
     plain, viscous = stage(), stage(viscosity="30 N*s/m")
     assert viscous.value("damping") - plain.value("damping") == pytest.approx(10.0)
-    # and is taken off the curve
+    # and is subtracted from the curve
     assert friction_of(viscous, 1e-2)[0] == pytest.approx(20.2)
 
 
@@ -312,6 +312,6 @@ def test_where_a_delay_fits_too_the_doubt_has_both_verdicts():
         "oscillates with growth, and oscillates with the delay, too; a hold decides "
         "(growth: the longer, the higher the peak), or a velocity step."
     )
-    # whose shape no delay has
+    # a shape that no delay gives
     steep = [[f"{v} mm/s", mu] for v, mu in ((1, 0.3), (2, 0.29), (4, 0.21), (9, 0.2))]
     assert Doubt.of(stage(friction=steep), Budget(100.0)) is None

@@ -1,9 +1,9 @@
-"""Temperature in steady sliding, its linear response, and rate and state out of
-contacts.
+"""Thermal activation in steady sliding, its linear response, and rate-and-state
+friction of contacts.
 
-Numbers of the papers' kind are for Gaussian thresholds of mean 1, attempts 1e6 and a
-time of ageing of 1e-3; each was computed by two independent programs, to the tolerance
-that stands beside it.
+Numbers like those of the papers are for Gaussian thresholds of mean 1, attempts 1e6 and
+a time of ageing of 1e-3; each was computed by two independent programs, to the
+tolerance beside it.
 """
 
 import ast
@@ -84,7 +84,7 @@ fitted = lru_cache(ss.rate_and_state)
 
 @pytest.mark.parametrize(
     ("interface", "velocity", "force", "slope"),
-    [  # each with the error that it may have
+    [  # each with its tolerance
         (contacts(0.1), 1.0, (0.45670, 1e-4), (0.004938, 2e-5)),
         (THERMAL, 1.0, (0.50096, 2e-4), (0.004455, 3e-5)),
         (PARABOLIC, 1.0, (0.45415, 1e-4), (0.005473, 3e-5)),
@@ -132,7 +132,7 @@ def test_the_slope_is_that_of_the_force_and_of_slow_perturbations(interface):
 
 
 def by_quadrature(barrier, thresholds, velocity):
-    """Steady force out of the survival, on a grid of stretchings and thresholds."""
+    """The steady force from survival, on a grid of stretchings and thresholds."""
     threshold = np.linspace(1e-3, 3.0, 600)
     part = np.linspace(0.0, 1.0, 2001)[:, None]
     x = part * threshold
@@ -244,7 +244,7 @@ def test_without_width_contacts_are_as_without_temperature(thresholds):
         (THERMAL, 3j, -0.01093 + 0.01754j, 0.01),
         (AGEING, 1j, -0.00424 - 0.00370j, 0.01),
         (contacts(ageing=0.02, delay=0.05), 2j, -0.0406 - 0.0481j, 0.01),
-        (THERMAL, 1e5j, 1.0, 2e-3),  # what is fast finds springs
+        (THERMAL, 1e5j, 1.0, 2e-3),  # to a fast perturbation contacts are springs
     ],
 )
 def test_dynamic_stiffness(interface, s, kappa, tolerance):
@@ -300,7 +300,7 @@ def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_dampin
 
 
 def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
-    """It lags behind by the force over the stiffness."""
+    """The slider lags behind the drive by the force over the stiffness."""
     how = {"method": ss.MasterEquation(rtol=1e-7)}
     rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0, **how)
     away = []
@@ -320,8 +320,8 @@ SLOW = [contacts(activation=parabolic(0.01)), contacts(ageing=0.02, delay=0.001)
 def test_finite_steps_that_are_small_are_the_linear_one(interface):
     x = np.array([0.02, 0.1, 0.5, 2.0, 3.9])
     size = math.log(1.1)
-    # What is even in the size of the step, and the error of the level, cancel between
-    # up and down.
+    # Terms even in the size of the step, and the error of the level, cancel between up
+    # and down.
     sizes = math.exp(size), math.exp(-size)
     steps = (finite_step(interface, 1.0, each, 4.0) for each in sizes)
     up, down = (np.interp(x, *step) for step in steps)
@@ -376,7 +376,7 @@ def test_small_steps_of_both_laws_are_the_linear_one(law):
 # ---------------------------------------------------------------- the verdict
 
 
-@pytest.mark.takes(5)  # two transforms of the response to a step
+@pytest.mark.takes(5)  # computes two transforms of the response to a step
 def test_the_verdict_is_in_units_of_the_thresholds():
     one = fitted(AGEING)
     four = ss.rate_and_state(rescaled(AGEING, 4), 4)
@@ -433,7 +433,7 @@ def test_parameters_of_a_step_and_what_they_get_wrong():
     assert ageing.critical_stiffness == pytest.approx(0.0188, rel=0.03)
     assert ageing.danger == "too low"
     assert "too low, on the unsafe side" in str(ageing)
-    # Peaks after holds grow by the slope of ageing, more than b says.
+    # Peaks after holds grow by the slope of ageing, more than b gives.
     assert ageing.healing_over_b == pytest.approx(4 / 3, rel=0.06)
     assert thermal.exact_critical_stiffness == thermal.critical_stiffness == 0
 
@@ -456,7 +456,7 @@ TRUE = RateAndState(law="slip", a=0.01, b=0.014, distance=5.0)
 
 
 def step_of(time, pull, *, noise=3e-4, seed=3, memory=0.0):
-    """A trace of a spring-slider, with noise that forgets in proportion."""
+    """A trace of a spring-slider, with noise of exponential correlation."""
     white = np.random.default_rng(seed).normal(size=time.size)
     rough = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], white)
     friction = 0.6 + TRUE.slide(time, pull, stiffness=0.01)[0] + noise * rough
@@ -482,7 +482,7 @@ def test_errors_of_fitted_steps_are_honest(count):
 
 
 def test_errors_grow_with_the_likeness_of_neighbours():
-    """Of noise that forgets in proportion, n samples are worth n (1 - r)/(1 + r)."""
+    """Of noise with exponential correlation n samples are worth n (1 - r)/(1 + r)."""
     usual = slow_step()
     alike = slow_step(memory=0.8)
     ratios = [
@@ -500,7 +500,7 @@ GIVEN = {"at": 0.0, "before": 10.0, "after": 100.0}
 
 @pytest.mark.parametrize("at", [-0.0125, 0.0125])
 def test_the_time_of_a_step_is_fitted(at):
-    """400 Hz, 10 to 100 um/s, said to come 12 ms (1.2 um) early or late."""
+    """400 Hz, 10 to 100 um/s; the time given is 12 ms (1.2 um) early or late."""
     given = GIVEN | {"at": at, "law": "slip"}
     fit = fit_rate_and_state(FAST, **given)
     found = fit.at, fit.distance, fit.stiffness, fit.a_minus_b
@@ -508,7 +508,7 @@ def test_the_time_of_a_step_is_fitted(at):
         assert abs(value - true) < 3.0 * value.error
     moved = FAST.assign(displacement=("time", np.where(SOON < 0, 10.0, 100.0) * SOON))
     assert ss.rate_state.velocity_step_in(moved, **GIVEN).measured
-    # more before than after
+    # there are more samples before than after
     short = fit_rate_and_state(FAST, **given, span=(10.0, 20.0))
     assert abs(short.at) < 3.0 * short.at.error
 
@@ -527,7 +527,7 @@ def test_a_measured_step_on_basalt():
         (ageing, [0.00933, 0.00904, 5.8]),
     ):
         assert [fit.a, fit.b, fit.distance] == pytest.approx(expected, rel=0.05)
-    # of bins of a displacement without its noise, .14 um; 5.0e-4 with it
+    # with bins of a displacement without noise, .14 um; 5.0e-4 with it
     assert max(slip.rms, ageing.rms) < 5.5e-4
     picture = ss.plot.velocity_step(step, [slip, ageing], ["slip law", "ageing law"])
     assert_drawn(picture, "velocity_step")
@@ -554,7 +554,7 @@ def test_exports_are_scripts_in_si_units(tmp_path):
     law = given["SET_DICT_RSF"]
     assert (given["SIGMA"], law["THETA_LAW"]) == (pytest.approx(2e7), 1)
     assert law["A"] * 2000.0 / SCALES.force == pytest.approx(fit.a)
-    # what is in SI units is not scaled twice
+    # quantities in SI units are not scaled twice
     assert exported(AGEING, "qdyn", fit=fit.in_units(SCALES)) == text
     for program in ("diabayes", "rsfmodel"):
         ast.parse(exported(AGEING, program))
@@ -564,7 +564,7 @@ def test_exports_are_scripts_in_si_units(tmp_path):
     for name in ("boundary", "mu", "eta", "tau_pre", "sn_pre"):
         assert f"\nfunction Fault:{name}(x, y" in fault
     assert "\nfunction Fault:sn_pre(x, y) return 20.0 end" in fault
-    # in the units of the rig, as its a, b and D are
+    # in the units of the rig, as a, b and D are
     assert "a step from 2 um/s to 20 um/s" in fault
 
 
@@ -572,52 +572,52 @@ def test_exports_are_scripts_in_si_units(tmp_path):
 
 LANGEVIN = replace(THERMAL, ageing=ss.Langevin(rate=1.0))
 RUNS_AWAY = RateAndState(law="slip", a=0.005, b=0.01, distance=10.0)
-REFUSED = r"""
-RUNS_AWAY.slide(TIME, PULL, stiffness=1e-3)
-    runs away
-ss.static_friction(AREAS)
-ss.growth_rate(bench(AREAS))
-ss.rate_and_state(AREAS)
-ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0)
-    Interface\.areas = Areas\(.*\): not available with
-replace(AREAS, activation=ss.Bell(width=0.01, attempts=1e6))
-    not available with activation
-dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j)
-    never re-attach
-ss.rate_and_state(contacts(width=None))
-    does not change with the velocity
-ss.kinetic_friction(LANGEVIN, 1.0)
-    Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0
-ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5)
-    ^velocity = 1e\+05: contacts stay detached over
-ss.kinetic_friction(THERMAL, 0.0)
-    there is no slow limit
-exported(THERMAL, "tandem")
-    has only the ageing law
-exported(contacts(width=None, delay=0.1), "qdyn")
-    is not rate-and-state
-exported(AGEING, "qdyn", area=None)
-    area: is missing
-exported(AGEING, "qdyn", load="2 m")
-    load = '2 m': is not in a unit of 'N'
-fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip")
-    ^at = 0: 12 samples after the step; there must be at least 30
-fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip")
-    ^not identified: .*swapped
-fit_rate_and_state(ss.rate_state.velocity_step_in(FAST, **GIVEN), at=0.0)
-    at = 0\.0: must be left out where data is a Step
-fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
-    ^span = \(5\.0,\): must be displacements before and after
-fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)
-    ^data: its times do not rise
-ss.rate_state.healing(FAST, 1.0)
-    ^healing: run: has no holds
-fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN)
-    the friction is 0\.6 throughout
-"""
+REFUSED = (
+    lambda: RUNS_AWAY.slide(TIME, PULL, stiffness=1e-3),
+    "runs away",
+    lambda: ss.static_friction(AREAS),
+    lambda: ss.growth_rate(bench(AREAS)),
+    lambda: ss.rate_and_state(AREAS),
+    lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0),
+    r"Interface\.areas = Areas\(.*\): not available with",
+    lambda: replace(AREAS, activation=ss.Bell(width=0.01, attempts=1e6)),
+    "not available with activation",
+    lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j),
+    "never re-attach",
+    lambda: ss.rate_and_state(contacts(width=None)),
+    "does not change with the velocity",
+    lambda: ss.kinetic_friction(LANGEVIN, 1.0),
+    r"Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0",
+    lambda: ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5),
+    r"^velocity = 1e\+05: contacts stay detached over",
+    lambda: ss.kinetic_friction(THERMAL, 0.0),
+    "there is no slow limit",
+    lambda: exported(THERMAL, "tandem"),
+    "has only the ageing law",
+    lambda: exported(contacts(width=None, delay=0.1), "qdyn"),
+    "is not rate-and-state",
+    lambda: exported(AGEING, "qdyn", area=None),
+    "area: is missing",
+    lambda: exported(AGEING, "qdyn", load="2 m"),
+    "load = '2 m': is not in a unit of 'N'",
+    lambda: fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip"),
+    "^at = 0: 12 samples after the step; there must be at least 30",
+    lambda: fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip"),
+    "^not identified: .*swapped",
+    lambda: fit_rate_and_state(ss.rate_state.velocity_step_in(FAST, **GIVEN), at=0.0),
+    r"at = 0\.0: must be left out where data is a Step",
+    lambda: fit_rate_and_state(FAST, **GIVEN, span=(5.0,)),
+    r"^span = \(5\.0,\): must be displacements before and after",
+    lambda: fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN),
+    "^data: its times do not rise",
+    lambda: ss.rate_state.healing(FAST, 1.0),
+    "^healing: run: has no holds",
+    lambda: fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN),
+    r"the friction is 0\.6 throughout",
+)
 
 
-@refused(REFUSED, globals())
+@refused(*REFUSED)
 def test_what_is_refused(call, message):
     with pytest.raises((InputError, UndecidedError), match=message):
         call()
@@ -654,7 +654,7 @@ BASALT = DATA / "giacomel_basalt_step.txt"
 STEP = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s"]
 
 
-@pytest.mark.takes(5)  # a fit by both laws to a measured step, a response to a step
+@pytest.mark.takes(5)  # two fits to a measured step, a response to a step
 def test_the_command_writes_pictures_and_scripts(warm, tmp_path, capsys):
     picture = tmp_path / "step.png"
     script = tmp_path / "qdyn.py"

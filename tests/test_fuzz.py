@@ -1,9 +1,7 @@
-"""Whatever is given: an answer or one line, in seconds.
+"""Any input gives an answer or a refusal of one line, in seconds.
 
-Never another exception, a warning or a page of text.
-
-The quick run takes a few examples, the slow one a thousand, always the same;
-`make fuzz` takes others.
+Never another exception, a warning or a page of text. The quick run takes a few
+examples, the slow one a thousand, always the same; `make fuzz` takes others.
 """
 
 import inspect
@@ -31,9 +29,9 @@ from stickslip.sweep import NamedStudy, run_study, status_of
 OTHERS = "FUZZ_EXAMPLES" in os.environ
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "25"))
 LONGEST = 10.0
-"""Seconds (of a processor) that one example may take."""
+"""CPU seconds that one example may take."""
 WORTH = 0.5
-"""Runs that would take longer, in seconds, are not run here."""
+"""Seconds; runs that would take longer are not made here."""
 
 EDGES = [0, -1, 1, 1e-300, 5e-324, 1e300, 1e25, 1e-25, 1e12, 1e-12, 1e-4, 10**400]
 USUAL_NUMBERS = [-0.0, 0.1, 2.5, 40]
@@ -86,7 +84,7 @@ def paths(node, at=()):
 
 @st.composite
 def rigs(draw):
-    """The content of a rig file with values changed, taken away or added."""
+    """The content of a rig file with values changed, removed or added."""
     document = json.loads(json.dumps(draw(st.sampled_from(documents_to_begin_with()))))
     for _ in range(draw(st.integers(0, 3))):
         *where, last = draw(st.sampled_from(list(paths(document))))
@@ -112,7 +110,7 @@ def with_a_rig_file(document, tmp_path):
     try:
         place.write_text(tomli_w.dumps(document))
     except (UnicodeEncodeError, ValueError):
-        return  # no file can hold it
+        return  # no file can contain it
     rig = ss.read_rig(place)
     if estimate(rig).seconds < WORTH:
         ss.regime(ss.simulate(rig))
@@ -135,7 +133,7 @@ HEADERS = ["", "time,force\n", "Time,Force\ns,N\n", "t [s];F [N]\n", "[section]\
 
 @st.composite
 def traces(draw):
-    """A measured sawtooth with what loggers add to it, and what none does."""
+    """A measured sawtooth with the faults that loggers add, and some that none adds."""
     separator = draw(st.sampled_from([",", ";", "\t", " ", ", "]))
     count = draw(st.sampled_from([0, 1, 3, 40, 400]))
     size = draw(st.sampled_from([1.0, 1e-9, 1e9, 1e-320, 1e308, 0.0]))
@@ -185,13 +183,13 @@ PUBLIC += [getattr(ss.elastic, name) for name in ss.elastic.__all__]
 
 
 def is_called(call):
-    """Whether it is a function, or a record of the model."""
+    """Return whether it is a function, or a record of the model."""
     is_record = is_dataclass(call) and call.__module__.startswith("stickslip.model")
     return inspect.isfunction(call) or is_record
 
 
 CALLS = {call.__name__: call for call in (*PUBLIC, *RECORDS, *ROOMS) if is_called(call)}
-"""What users call and the records they give to it."""
+"""Functions that users call, and the records they pass to them."""
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
 )
@@ -219,12 +217,12 @@ USUAL = {
     **each("attempts height coupling damping kinetic_friction", 10.0),
     **each("blocks along across", 4),
 }
-"""What a parameter is given that is not the one in question."""
+"""Values of all parameters except the one under test."""
 
 
 @st.composite
 def arguments(draw):
-    """The name of a call and its arguments by name, one or two of them odd."""
+    """The name of a function and its arguments, one or two of them odd."""
     name = draw(st.sampled_from(sorted(CALLS)))
     parameters = inspect.signature(CALLS[name]).parameters
     needed = [each.name for each in parameters.values() if each.default is each.empty]
@@ -251,7 +249,7 @@ def with_a_message(message, _tmp_path):
 
 
 def ignored(_part):
-    """No progress is shown."""
+    """Ignore the progress."""
 
 
 @st.composite
@@ -301,7 +299,7 @@ DAMAGE = st.lists(PLACES, min_size=1, max_size=20)
 def damaged(content, bits, cut):
     content = bytearray(content)
     for at, bit in bits:
-        # its beginning holds what a file is made of
+        # its beginning tells what kind of file it is
         content[int(at**2 * len(content))] ^= 1 << bit
     return bytes(content if cut is None else content[: int(cut * len(content))])
 
@@ -340,7 +338,7 @@ PROPERTIES = {
     "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS), ([], None)),
     "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS), ([], None)),
 }
-"""What is done, with what, and an example that is whole."""
+"""An action, its input, and a complete example of the input."""
 
 
 @pytest.mark.parametrize(
@@ -365,14 +363,14 @@ def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
         if seconds > LONGEST:  # unless kernels were compiled on the way
             assert told(use, what, tmp_path)[1] < LONGEST
 
-    use(whole, tmp_path)  # what is whole, passes; and everything is compiled
+    use(whole, tmp_path)  # the complete example passes, and everything is compiled
     holds()
     out, err = capfd.readouterr()
     assert "Traceback" not in out + err
 
 
 def told(use, what, tmp_path):
-    """The line that refuses something, empty if there is none, and how long it took."""
+    """Return the line that refuses an input (empty if none does), and the duration."""
     begun = time.process_time()
     line = ""
     try:

@@ -1,5 +1,5 @@
-"""What a process has once is never changed by us, not even for a moment: threads of the
-user would see it, and what is put back in another order stays changed.
+"""The package never changes state that a process has once, not even for a moment:
+threads of the user would see it, and state restored in another order stays changed.
 """
 
 import sys
@@ -69,11 +69,11 @@ def test_what_a_process_has_once_is_the_same_within_and_after(made, tmp_path):
         with suppress(InputError):
             call()
 
-    watched(0)  # libraries that are imported now may set their own, once
+    watched(0)  # libraries imported now may set their own state, once
     before = state()
 
     def traced(frame, event, _arg):
-        # at every call below: what another thread could see there
+        # at every call below: what another thread might see
         if event == "call" and frame.f_globals.get("__name__", "").startswith(
             ("stickslip", "xarray.backends", "pandas.io.parsers")
         ):

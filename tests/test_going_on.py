@@ -1,4 +1,4 @@
-"""A run that goes on from the end of another one is that of one piece."""
+"""A run continued from the end of another one equals a run in one piece."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""An interrupt is answered soon: kernels come back by time, not by steps."""
+"""An interrupt takes effect soon: kernels return after a time, not some steps."""
 
 import contextlib
 import signal
@@ -45,7 +45,7 @@ def test_how_often_a_kernel_comes_back_changes_nothing(
 
 @pytest.mark.parametrize("slow", [1e-3, 2e-2, 0.1])
 def test_an_advance_is_bounded_by_time(slow, monkeypatch):
-    """A kernel whose steps take so long, until each takes longer than an advance."""
+    """A kernel whose steps last so long, until each lasts longer than an advance."""
     engine = engine_of(INTERFACE, RIG.method)
     beginning = Beginning(INTERFACE, SLIDER, 1.0)
     running = engine(beginning, RIG.method)
@@ -67,7 +67,7 @@ def test_an_advance_is_bounded_by_time(slow, monkeypatch):
 
 
 def test_what_fails_after_an_interrupt_is_told_as_one():
-    """A callback of the compiler swallows it, and what it left out is missed later."""
+    """A compiler callback may swallow it; the code it skipped fails later."""
 
     @console.stoppable()
     def run():
@@ -75,7 +75,7 @@ def test_what_fails_after_an_interrupt_is_told_as_one():
             signal.raise_signal(signal.SIGINT)
         raise RuntimeError("no compiled object yet")
 
-    # a shell that starts tests in the background has it ignored
+    # a shell that starts tests in the background makes them ignore it
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):

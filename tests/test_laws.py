@@ -1,8 +1,8 @@
-"""Laws that every solver keeps, for every mechanism that it takes, each stated once.
+"""Laws that every solver obeys with every mechanism that it accepts, each stated once.
 
-A pair is a method and an interface under a slider or a chain; the pairs are what the
-engines say they take, so that a new engine, or a mechanism that an engine learns, is
-held to all laws by itself.
+A pair is a method and an interface under a slider or a chain. The pairs follow from
+what the engines declare to accept, so that a new engine, or a mechanism that an engine
+newly accepts, must obey all laws at once.
 """
 
 import math
@@ -23,7 +23,7 @@ from stickslip.simulation.engines import engine_of
 
 @dataclass(frozen=True)
 class Pair:
-    """A method that takes an interface, under a slider or a chain."""
+    """A method and an interface that it accepts, under a slider or a chain."""
 
     method: object
     interface: ss.Interface
@@ -31,12 +31,12 @@ class Pair:
 
     @property
     def one_by_one(self) -> bool:
-        """Whether contacts are followed one by one."""
+        """Return whether contacts are followed one by one."""
         return isinstance(self.method, (ss.Contacts, ss.QuasiStatic))
 
     @property
     def accuracy(self) -> float:
-        """Rounding from event to event; else ten times the default tolerance."""
+        """Rounding for event-driven methods; else ten times the default tolerance."""
         is_rigid = self.body is SLIDER
         from_event_to_event = isinstance(self.method, ss.Contacts) and is_rigid
         return 1e-9 if from_event_to_event else 1e-3
@@ -66,8 +66,8 @@ def _pairs() -> dict[str, Pair]:
 
 
 NOISE = 0.65
-"""Largest standard deviation of the force of a contact: half of the largest
-threshold but for one in a thousand.
+"""Bound on the standard deviation of a contact's force: half of the threshold that one
+in a thousand exceeds.
 """
 STATISTICAL = (ss.Contacts, ss.Population, ss.QuasiStatic)
 PAIRS = _pairs()
@@ -87,7 +87,7 @@ def refusal(interface, method, body) -> str:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_a_refusal_names_what_cannot_be_taken_together(mechanism, method, body):
-    """What a method takes by itself is not what it cannot take."""
+    """The refusal does not name what the method would accept by itself."""
     fields = MECHANISMS[mechanism]
     method = METHODS[method]
     said = refusal(interface_with(fields), method, body)
@@ -140,7 +140,7 @@ def run_of(name) -> xr.Dataset:
 
 
 def apart(run, other, sign=1):
-    """Largest difference of two runs in their forces."""
+    """Largest difference of the forces of two runs."""
     names = "spring_force", "friction_force"
     return max(float(np.abs(run[name] - sign * other[name]).max()) for name in names)
 
@@ -151,13 +151,13 @@ def apart(run, other, sign=1):
 @every_pair
 @pytest.mark.eq(11)
 def test_energy_is_kept(name):
-    """The work of the drive is found again; what is lost never comes back."""
+    """The work of the drive equals the sum of energies, and losses never decrease."""
     pair = PAIRS[name]
     run = run_of(name)
     if "work" not in run:
         pytest.skip("this engine does not count energies")
     assert imbalance(run) < pair.accuracy
-    if pair.interface.newborn is not None:  # they bring some along
+    if pair.interface.newborn is not None:  # stretched newborns add energy
         return
     for lost in ("broken_energy", "damped_energy"):
         least = -pair.accuracy * float(run[lost].max())
@@ -169,7 +169,7 @@ def test_contacts_are_counted(name):
     pair = PAIRS[name]
     attached = run_of(name)["attached"].to_numpy()
     assert -pair.accuracy <= attached.min() <= attached.max() <= 1 + 1e-12
-    # others are told between their steps, too
+    # other methods interpolate between their steps
     if isinstance(pair.method, ss.Contacts) and pair.body is SLIDER:
         whole = pair.method.count * attached
         np.testing.assert_allclose(whole, np.round(whole), atol=1e-9)
@@ -185,8 +185,8 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
     held = width * run["stretching_density"].sum("x")
     pulled = width * (run["stretching_density"] * run["x"]).sum("x")
     detached = PAIRS[name].interface.sliding_force * (1 - seen["attached"])
-    # A copy that looks ahead in other steps sees other numbers; cohorts stand for their
-    # neighbourhoods.
+    # A copy that looks ahead in other steps draws other numbers; a cohort stands for
+    # stretchings near its own.
     noise = 0.0
     if PAIRS[name].draws_in_each_step:
         noise = 6 * NOISE / math.sqrt(contacts_of(PAIRS[name]))
@@ -217,7 +217,7 @@ def test_a_run_is_made_again_from_what_it_says(name):
     xr.testing.assert_identical(ss.rerun(run_of(name)), run_of(name))
 
 
-# in the quick suite the last of each method and body: files take most of the time
+# the quick suite takes the last of each method and body: files take most of the time
 LAST = {name.partition(":")[0]: name for name in PAIRS}.values()
 
 
@@ -250,7 +250,7 @@ def test_a_seam_between_equal_pieces_is_no_event(name):
     cut = cut.then(ss.ramp(1.0, -1.0, 1.0))
     moved = PAIRS[name].accuracy
     if PAIRS[name].one_by_one and PAIRS[name].body is CHAIN:
-        # a contact may break on the other side of a sample
+        # a contact may break before or after a sample
         moved += 1 / PAIRS[name].method.count
     assert apart(simulate(PAIRS[name], drive=cut), run_of(name)) < moved
 
@@ -274,16 +274,16 @@ def test_a_piece_ends_at_the_first_sample_where_its_condition_holds(name):
 def test_backwards_is_the_mirror_image(name):
     pair = relaxed(PAIRS[name])
     back = simulate(pair, drive=ss.constant(-1.0, 1.6).then(ss.ramp(-1.0, 1.0, 1.0)))
-    # Bell contacts ahead of the slider share a clock, those behind have their own:
-    # other numbers, of one distribution.
+    # Contacts with Bell's rate ahead of the slider share a clock, those behind have
+    # another: other numbers of the same distribution.
     other_numbers = isinstance(pair.interface.activation, ss.Bell) and pair.one_by_one
-    # Whether counted ones that attach stretched are tried in the first step is up to
-    # rounding.
+    # Whether counted contacts that attach stretched are tried in the first step depends
+    # on rounding.
     if isinstance(pair.method, ss.Population) and pair.interface.newborn is not None:
         ages = pair.interface.ageing is not None
         other_numbers = pair.interface.activation is not None or ages
-    # Rounding may cost a step of the master equation one more sweep, worth a thousandth
-    # of its tolerance.
+    # Rounding may add a sweep to a step of the master equation: a thousandth of its
+    # tolerance.
     by_tolerance = isinstance(pair.method, ss.MasterEquation)
     exact = 1e-3 * pair.method.rtol if by_tolerance else 1e-8
     most = 6 * NOISE / math.sqrt(pair.method.count) if other_numbers else exact
@@ -293,7 +293,7 @@ def test_backwards_is_the_mirror_image(name):
 @every_pair
 def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
     run = simulate(relaxed(PAIRS[name]), drive=ss.constant(0.0, 1.0))
-    newborn = PAIRS[name].interface.newborn is not None  # what attaches stretched pulls
+    newborn = PAIRS[name].interface.newborn is not None  # newborns may pull
     assert float(np.abs(run["displacement"]).max()) <= (1e-12 if newborn else 0.0)
 
 
@@ -307,7 +307,7 @@ def test_a_run_under_a_drive_at_rest_has_no_regime():
 
 
 def held_stiffly(pair) -> Pair:
-    """On a spring and with a damping with which nothing slips."""
+    """On a spring and with a damping that prevent slips."""
     spring = {"stiffness": 40.0} if pair.body is SLIDER else {"leaf": 40.0}
     return replace(pair, body=replace(pair.body, damping=60.0, **spring))
 
@@ -322,7 +322,7 @@ def test_smooth_sliding_goes_on_with_the_steady_force(name):
     how = {"interval": 0.02, "start": ss.FromSliding()}
     run = simulate(held_stiffly(pair), drive=ss.constant(1.0, lifetimes), **how)
     error = 1e-4
-    if isinstance(pair.method, STATISTICAL):  # a contact forgets its force in a life
+    if isinstance(pair.method, STATISTICAL):  # independent after a life
         error = 4 * NOISE / math.sqrt(contacts_of(pair) * lifetimes)
     force = ss.kinetic_friction(pair.interface, 1.0)
     assert float(run["friction_force"].mean()) == pytest.approx(force, abs=error)
@@ -331,7 +331,7 @@ def test_smooth_sliding_goes_on_with_the_steady_force(name):
 @every_pair
 @pytest.mark.eq(1, 2, 3, 4)
 def test_contacts_scatter_about_infinitely_many(name):
-    """There, back and at rest, without slips, in which differences grow."""
+    """Forwards, backwards and at rest, without slips, in which differences grow."""
     pair = PAIRS[name]
     alike = name.replace("MasterEquation", "Contacts").replace("Population", "Contacts")
     if pair.one_by_one or alike not in PAIRS:

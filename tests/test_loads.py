@@ -36,7 +36,7 @@ def pulled(interface, drive, slider=SLIDER, method=FEW, **options):
 
 
 def imbalance(run):
-    """Of the work and the energies."""
+    """Return the imbalance of the work and the energies."""
     parts = [*ENERGIES, *{"spring_energy"} & {*run}]
     left = run["work"] - sum(run[name] for name in parts)
     return np.ptp(left.values) / run["work"].values.max()
@@ -45,7 +45,7 @@ def imbalance(run):
 @pytest.mark.parametrize("start", [ss.FromRest(), ss.FromSliding()], ids=repr)
 @pytest.mark.parametrize("interface", INTERFACES, ids=range(len(INTERFACES)))
 def test_under_a_load_all_lengths_and_forces_are_as_much_larger(interface, start):
-    """Bit for bit, for a power of two, but for roots that are looked for."""
+    """Exact to the last bit for a power of two, except where roots are searched."""
     if isinstance(start, ss.FromSliding) and "on_arrest" in interface.mechanisms:
         start = ss.FromRest()
     usual = pulled(interface, ss.constant(1.0, 5.0), start=start)
@@ -72,7 +72,7 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
     np.testing.assert_array_equal(force.sel(time=early), expected)
     just_after = force.sel(time=20.01, method="nearest")
     assert just_after == pytest.approx(float(force.sel(time=early)[-1]), abs=0.02)
-    # a renewal is some 3 x_s here
+    # a life takes some 3 x_s here
     late = force.sel(time=slice(26.0, None)).values
     parts = np.array([part.mean() for part in np.array_split(late, 9)])
     error = parts.std(ddof=1) / 3.0
@@ -108,7 +108,7 @@ def test_at_rest_a_larger_load_changes_nothing():
     drive = ss.constant(1.0, 2.0).then(ss.constant(0.0, 2.0))
     rig = pulled(AT_ONCE, drive)
     run = ss.simulate(rig)
-    hold = slice(3.0, None)  # by when the slider has come to rest
+    hold = slice(3.0, None)  # from when the slider has come to rest
     loaded = ss.simulate(rig.replace(drive=drive.under([(3.0, 1.0), (3.5, 9.0)])))
     assert np.ptp(run["friction_force"].sel(time=hold).values) < 1e-3
     assert loaded.drop_vars("load").equals(run)
@@ -118,7 +118,7 @@ def test_a_force_moves_a_mass_beyond_the_static_friction_by_what_it_has_in_exces
     many = ss.Contacts(10_000)
     static, _ = ss.static_friction(AT_ONCE)
     kinetic = ss.kinetic_friction(AT_ONCE, velocity=1.0)
-    noise = 0.5 / math.sqrt(many.count)  # of the force of a contact, at most
+    noise = 0.5 / math.sqrt(many.count)  # bound for the force of a contact
     rises = pull(0.0, 1.2 * static, duration=200.0)
     slow = ss.simulate(pulled(AT_ONCE, rises, Mass(mass=0.01, damping=5.0), many))
     onset = slow["spring_force"][int(np.argmax(slow["velocity"].values > 0.5))]
@@ -263,32 +263,32 @@ MODES = ss.model.Modes(**ONE, contact=(1.0,))
 
 
 def of(rig, **mechanism):
-    """A run of contacts that have a mechanism, too."""
+    """A run of contacts with a further mechanism."""
     interface = ss.Interface(thresholds=TENTH, **mechanism)
     return ss.simulate(rig.replace(interface=interface))
 
 
-UNDER_THEM = """
-ss.simulate(rig, method=ss.MasterEquation())
-ss.simulate(rig, method=ss.Population(100))
-ss.simulate(rig.replace(slider=CHAIN))
-ss.simulate(rig.replace(slider=MODES))
-of(rig, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0))
-of(rig, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.1))
-of(rig, ageing=ss.Langevin(rate=1.0))
-of(rig, activation=ss.Bell(width=0.01, attempts=1e3))
-of(rig, sliding_force=0.1)
-ss.predict(rig)
-ss.growth_rate(rig)
-ss.Element(rig)
-ss.critical(rig, "stiffness")
-ss.sustained(rig, "stiffness", between=(1.0, 3.0))
-ss.sweep(rig, {"stiffness": [1.0, 2.0]}, store=None)
-    Drive\\.(load|force)
-"""
+UNDER_THEM = (
+    lambda rig: ss.simulate(rig, method=ss.MasterEquation()),
+    lambda rig: ss.simulate(rig, method=ss.Population(100)),
+    lambda rig: ss.simulate(rig.replace(slider=CHAIN)),
+    lambda rig: ss.simulate(rig.replace(slider=MODES)),
+    lambda rig: of(rig, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0)),
+    lambda rig: of(rig, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.1)),
+    lambda rig: of(rig, ageing=ss.Langevin(rate=1.0)),
+    lambda rig: of(rig, activation=ss.Bell(width=0.01, attempts=1e3)),
+    lambda rig: of(rig, sliding_force=0.1),
+    lambda rig: ss.predict(rig),
+    lambda rig: ss.growth_rate(rig),
+    lambda rig: ss.Element(rig),
+    lambda rig: ss.critical(rig, "stiffness"),
+    lambda rig: ss.sustained(rig, "stiffness", between=(1.0, 3.0)),
+    lambda rig: ss.sweep(rig, {"stiffness": [1.0, 2.0]}, store=None),
+    r"Drive\.(load|force)",
+)
 
 
-@refused(UNDER_THEM, globals(), given="rig")
+@refused(*UNDER_THEM)
 @pytest.mark.parametrize("rig", [LOADED, FORCED], ids=["load", "force"])
 def test_all_else_refuses_them_in_one_line(call, message, rig):
     if rig is FORCED:
@@ -298,25 +298,25 @@ def test_all_else_refuses_them_in_one_line(call, message, rig):
     assert "\n" not in str(error.value)
 
 
-NO_DRIVE = """
-ss.constant(1.0).under([(2.0, 1.0), (1.0, 1.0)])
-ss.constant(1.0).under(0.0)
-ss.constant(1.0).under("2 N")
-ss.constant(1.0).under([])
-ss.constant(1.0).then(pull(0.3, duration=5.0))
-pull(0.3, duration=0.0)
-pull(math.inf, duration=2.0)
-ss.model.Drive(load=((0.0, 1.0),))
-FORCED.velocity
-LOADED.velocity
-ss.simulate(FORCED.replace(drive=ss.constant(1.0)))
-ss.predict(FORCED.replace(drive=ss.constant(1.0)))
-ss.simulate(FORCED.replace(start=ss.FromSliding()))
-    ^[^\\n]*$
-"""
+NO_DRIVE = (
+    lambda: ss.constant(1.0).under([(2.0, 1.0), (1.0, 1.0)]),
+    lambda: ss.constant(1.0).under(0.0),
+    lambda: ss.constant(1.0).under("2 N"),
+    lambda: ss.constant(1.0).under([]),
+    lambda: ss.constant(1.0).then(pull(0.3, duration=5.0)),
+    lambda: pull(0.3, duration=0.0),
+    lambda: pull(math.inf, duration=2.0),
+    lambda: ss.model.Drive(load=((0.0, 1.0),)),
+    lambda: FORCED.velocity,
+    lambda: LOADED.velocity,
+    lambda: ss.simulate(FORCED.replace(drive=ss.constant(1.0))),
+    lambda: ss.predict(FORCED.replace(drive=ss.constant(1.0))),
+    lambda: ss.simulate(FORCED.replace(start=ss.FromSliding())),
+    r"^[^\n]*$",
+)
 
 
-@refused(NO_DRIVE, globals())
+@refused(*NO_DRIVE)
 def test_a_drive_that_cannot_be_is_refused_in_one_line(call, message):
     with pytest.raises(InputError, match=message):
         call()

@@ -1,4 +1,4 @@
-"""Each loop ends: a `while` of the package counts its turns, or says why not."""
+"""Every loop ends: a `while` of the package counts its turns or says why it ends."""
 
 import ast
 import math
@@ -17,13 +17,13 @@ from stickslip.sliding.lifetimes import panel_edges
 PACKAGE = Path(ss.__file__).parent
 COMPILED = PACKAGE / "kernels"
 REASON = "# endless: "
-"""What stands on the line of a loop that waits for something outside, or above it."""
+"""Comment at a loop that waits for something outside."""
 WHY = "# ends: "
-"""What stands above a loop of a kernel that does not count and cannot stand still."""
+"""Comment above a loop of a kernel that does not count but cannot stall."""
 
 
 def is_bounded(loop, counters):
-    """Whether a loop asks a counter in each turn, or raises if it stands still."""
+    """Return whether a loop tests a counter in each turn, or raises if it stalls."""
     asked = {
         call.args[0].id
         for each in (loop.test, *loop.body)
@@ -44,7 +44,7 @@ def is_bounded(loop, counters):
 
 
 def counts(loop):
-    """Whether a loop moves what it asks for by a whole number."""
+    """Return whether a loop changes its condition's variable by a whole number."""
     asked = {
         ast.unparse(each)
         for each in ast.walk(loop.test)
@@ -62,7 +62,7 @@ def counts(loop):
 
 
 def unbounded_in(text, compiled=False):
-    """Numbers of the lines on which loops without a bound or a reason begin."""
+    """Return the lines at which loops without a bound or a reason begin."""
     tree = ast.parse(text)
     lines = text.splitlines()
     counters = {

@@ -1,4 +1,4 @@
-"""The targets of the Makefile, as a newcomer meets them."""
+"""The targets of the Makefile in a fresh clone."""
 
 import os
 import re
@@ -44,7 +44,7 @@ def test_help_names_every_target():
     "target", ["demo", "lint", "docs", "bench", "pictures", "elsewhere"]
 )
 def test_a_target_begins_with_its_own_environment(target, tmp_path):
-    """In a fresh clone nothing else has been made before."""
+    """Nothing else has been made before in a fresh clone."""
     planned = made("--dry-run", target, f"VENV={tmp_path / 'venv'}").splitlines()
     installs = [i for i, line in enumerate(planned) if "pip install" in line]
     uses = [i for i, line in enumerate(planned) if f"{tmp_path}/venv/bin/" in line]

@@ -1,5 +1,5 @@
-"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: all
-solvers, closed forms, files.
+"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: in all
+solvers, in closed forms, in files.
 """
 
 import math
@@ -52,7 +52,7 @@ CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
 
 
 def reference(rig, dt):
-    """One contact after the other in small steps: the rules, and no engine."""
+    """One contact after the other in small steps: the rules, without any engine."""
     interface = rig.interface
     slider = rig.slider
     count = rig.method.count
@@ -65,7 +65,7 @@ def reference(rig, dt):
     strength = interface.threshold_distribution.moment(1)
     growth = interface.ageing
     k = 1.0 if interface.areas is None else math.sqrt(strength)
-    # stretchings; times of attachment, or re-attachment of those detached
+    # stretchings; times of attachment, or of re-attachment if detached
     x = np.zeros(count)
     back = np.zeros(count)
     on = np.ones(count, dtype=bool)
@@ -116,7 +116,7 @@ KEPT = {"areas": ss.model.Areas(SMALLER, kept=True), "ageing": CREEP}
     ],
 )
 def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
-    """Equal contacts and a heavy slider: nothing is random, so samples compare."""
+    """Equal contacts and a heavy slider: nothing is random, so that samples agree."""
     thresholds = None if "areas" in changes else ss.Gaussian(mean=1.0, std=0.0)
     initial = ss.Gaussian(mean=0.0, std=0.0)
     fields = {"thresholds": thresholds, "initial": initial, "delay": ss.Delay(0.15)}
@@ -133,7 +133,7 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
     assert np.max(np.abs(run["displacement"].to_numpy()[first] - at)) < 30 * dt
     expected = np.interp(time[first], t, force)
     away = np.abs(run["friction_force"].to_numpy()[first] - expected)
-    assert np.quantile(away, 0.95) < 30 * dt  # beside the jumps, which are steps late
+    assert np.quantile(away, 0.95) < 30 * dt  # except at jumps, some steps late
 
 
 BELLS = ss.Bell(width=0.02, attempts=1e4), ss.Bell(width=0.1, attempts=1e2)
@@ -169,7 +169,7 @@ def test_a_rule_that_changes_nothing_gives_the_run_without_it(nothing, fields):
 )
 @pytest.mark.parametrize("bell", BELLS, ids=str)
 def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
-    """Thresholds that hardly grow give each contact a box: other draws, one law."""
+    """Thresholds that hardly grow give each contact a box: other draws, same law."""
     thresholds = ss.Gaussian(mean=1.0, std=0.3)
     cold = ss.Interface(thresholds=thresholds, activation=bell, **fields)
     apart = replace(cold, ageing=ss.LogarithmicGrowth(slope=1e-9, time=1.0))
@@ -193,9 +193,7 @@ RE_STUCK = ss.Interface(
     sliding_force=0.5,
     newborn=ss.Gaussian(mean=0.5, std=0.0),
 )
-"""Contacts that re-attach as they slide, when the slider stops: sustained
-stick-slip.
-"""
+"""Re-attachment while sliding and when the slider stops: sustained stick-slip."""
 
 
 def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
@@ -212,7 +210,7 @@ def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
     drops = ss.drops(run)
     assert drops.sizes["event"] > 40
     assert np.mean(attached == 1.0) > 0.9  # before the first breaks and between slips
-    # It overshoots the force of the detached contacts, and stops.
+    # The slider overshoots the point where the detached contacts balance, and stops.
     assert float(drops["force_after"].mean()) < 0.45
     never = stick_slip(replace(RE_STUCK, delay=ss.Delay(math.inf)))
     assert float(never["attached"][-1]) == 0.0
@@ -224,7 +222,7 @@ def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
 
 @pytest.mark.parametrize(("newborn", "let_go"), [(RE_STUCK.newborn, 0.0), (None, 0.5)])
 def test_at_an_arrest_contacts_let_go_of_what_is_not_taken_over(newborn, let_go):
-    """At the arrest the force drops by what newborns do not take over."""
+    """At the arrest the force drops by the part that newborns do not carry."""
     run = stick_slip(replace(RE_STUCK, newborn=newborn), duration=55, interval=2e-4)
     attached = run["attached"].to_numpy()
     friction = run["friction_force"].to_numpy()
@@ -279,7 +277,7 @@ def test_each_block_of_a_chain_goes_from_track_to_track(method):
 
 
 def test_blocks_that_never_stop_keep_their_track():
-    """The friction of each is that of smooth sliding, times its factor."""
+    """The friction of each block is that of smooth sliding times its factor."""
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.05))
     interface = replace(interface, slip_to_slip_scatter=0.2)
     loose = ss.Chain(blocks=60, coupling=1e-3, mass=1e-3, damping=200.0, leaf=20.0)
@@ -357,7 +355,7 @@ def test_the_master_equation_grows_as_linear_theory(fields, velocity, damping, r
 
 
 def roots_counted_on_a_contour(rig, reach=400.0):
-    """Number of roots with ``Re s > 0`` by phases along a half circle."""
+    """Return the number of roots with ``Re s > 0``, from phases along a half circle."""
     slider = rig.slider
     interface = rig.interface
     v = rig.velocity
@@ -378,7 +376,7 @@ def roots_counted_on_a_contour(rig, reach=400.0):
 @pytest.mark.parametrize(("velocity", "stiffness"), [(0.3, 0.2), (1.5, 0.5), (4, 2)])
 @pytest.mark.parametrize("damping", [0.0, 42.0])
 def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damping):
-    """A sliding force keeps the response up at high frequencies: modes may hide."""
+    """A sliding force keeps the response large at high frequencies: modes may hide."""
     interface = replace(FIG7, sliding_force=sliding_force)
     body = {"damping": damping, "stiffness": stiffness}
     rig = rig_of(interface, ss.constant(velocity), **body)
@@ -415,7 +413,7 @@ def test_rigid_motion_is_that_of_contacts_and_of_cohorts(newborn, delay):
     count = 20_000 if newborn else 100_000
     exact = ss.rigid_slide(interface, 3.0, method=method)
     X = exact["displacement"].to_numpy()
-    # Of cohorts second order in the step of 1/400 of x_s, times curvatures of some
+    # For cohorts second order in the step of 1/400 of x_s, times curvatures of some
     # (1/.1)^2.
     for solver, slack in (
         (ss.Contacts(count, seed=2), 5 * 0.5 / math.sqrt(count)),
@@ -427,7 +425,7 @@ def test_rigid_motion_is_that_of_contacts_and_of_cohorts(newborn, delay):
             assert np.max(np.abs(found - run[name])) < slack
     force = exact["friction_force"].to_numpy()
     slope = (force[2:] - force[:-2]) / (X[2:] - X[:-2])
-    # but beside the kink where all detached slide
+    # except at the kink where all detached contacts begin to slide
     smooth = np.abs(X[1:-1] - 0.4) > (0.02 if newborn else 0.01)
     expected = exact["stiffness"][1:-1][smooth]
     assert np.allclose(slope[smooth], expected, atol=2e-3 if newborn else 2e-4)
@@ -443,7 +441,7 @@ def test_rigid_motion_is_that_of_contacts_and_of_cohorts(newborn, delay):
     ids=str,
 )
 def test_rigid_motion_ends_in_the_steady_state(thresholds, newborn, delay):
-    """The rest decays as exp(-X q), q = 2 pi^2 variance/(m1 + v tau)^3 >= .11."""
+    """The deviation decays as exp(-X q), q = 2 pi^2 variance/(m1 + v tau)^3 >= .11."""
     fields = {"delay": ss.Delay(delay), "sliding_force": 0.25, "newborn": newborn}
     interface = ss.Interface(thresholds=thresholds, **fields)
     last = ss.rigid_slide(interface, 160.0).isel(displacement=-1)
@@ -478,7 +476,7 @@ def test_the_critical_stiffness_knows_the_sliding_force_where_contacts_stay_away
     assert ss.critical_stiffness(plain) == ss.critical_stiffness(sliding)
     assert ss.static_friction(plain) == ss.static_friction(sliding)
     never = [ss.critical_stiffness(one, reattachment=False) for one in (plain, sliding)]
-    # The fall is that of breaking contacts, each of which now keeps .4 of about 1.
+    # The force falls as contacts break, each of which now keeps .4 of about 1.
     assert never[1] == pytest.approx(0.6 * never[0], rel=0.07)
 
 

@@ -1,4 +1,4 @@
-"""The records of a rig: what they let through, and delays against their own samples."""
+"""The records of a rig: values they accept, and delays against their own samples."""
 
 import math
 import pickle
@@ -23,7 +23,7 @@ def test_an_interface_stays_a_value_after_its_distribution_was_asked_for():
     assert interface == Interface(thresholds=Gaussian(mean=1.0, std=0.3))
     copy = pickle.loads(pickle.dumps(interface))
     assert copy.threshold_distribution == interface.threshold_distribution
-    # Varied, it does not keep the distribution of the one it was made from.
+    # A changed record does not keep the distribution of the one it was made from.
     varied = replace(interface, thresholds=TENTH)
     assert varied.threshold_distribution == TENTH.positive()
 
@@ -45,7 +45,7 @@ def normal(z):
 
 
 def closed_mean(delay: RandomDelay) -> float:
-    """Mean of a Gaussian whose negative draws are clipped, drawn again or folded."""
+    """Mean of a Gaussian whose negative draws are clipped, redrawn or folded."""
     z = delay.mean / delay.std
     above = delay.mean * special.ndtr(z) + delay.std * normal(z)  # mean of max(tau, 0)
     return {
@@ -59,7 +59,7 @@ def closed_mean(delay: RandomDelay) -> float:
     "delay", [d for d in DELAYS if isinstance(d, RandomDelay)], ids=str
 )
 def test_mean_of_a_random_delay_in_closed_form(delay):
-    # A folded tail of less than 2e-6 of the draws is left out.
+    # A folded tail with less than 2e-6 of the draws is left out.
     assert delay.moment(1) == pytest.approx(
         closed_mean(delay), rel=1e-12 if delay.mean < 0.5 else 2e-6
     )
@@ -73,8 +73,8 @@ def test_moments_and_transforms_agree_with_quadrature(delay):
             np.sum(weight * tau**order), rel=1e-12, abs=1e-15
         )
     for s in (0.0, 1.0, -0.5, 2j, 1 + 5j, -0.5 + 3j, 20j):
-        # 96 nodes over some 16 standard deviations resolve exp(-s tau) up to |s|
-        # standard deviation of some 40.
+        # 96 nodes over some 16 standard deviations resolve exp(-s tau) up to |s| of
+        # some 40 over the standard deviation.
         assert delay.laplace(s) == pytest.approx(
             np.sum(weight * np.exp(-s * tau)), abs=1e-11
         )

@@ -1,5 +1,5 @@
-"""The noise of N contacts in steady sliding: theory against closed forms, and
-against runs of as many contacts.
+"""The noise of N contacts in steady sliding: theory against closed forms, and against
+runs of as many contacts.
 """
 
 import math
@@ -20,7 +20,7 @@ ALIKE = ss.Gaussian(mean=0.2, std=0.0)
 ON_AREAS = {"thresholds": None, "areas": ss.model.Areas(ss.Exponential(mean=1.0))}
 WEIBULL = replace(TENTHS, thresholds=ss.Weibull(scale=1.1, shape=2.5))
 STRETCHED = {"newborn": ss.Uniform(low=-0.1, high=0.4), "sliding_force": 0.2}
-DRAWN = {  # newborns of different stretchings, contacts of different areas
+DRAWN = {  # newborns with different stretchings, contacts of different areas
     "newborns": replace(WEIBULL, **STRETCHED),
     "areas": replace(TENTHS, sliding_force=0.1, **ON_AREAS),
 }
@@ -41,11 +41,11 @@ def rig_of(interface, count=1000, slider=SLIDER, velocity=1.0):
 
 
 def in_runs(rig, noise, error, seeds=3):
-    """Fluctuations of force and velocity in runs, over theory, to an error."""
+    """Fluctuations of force and velocity in runs over those of theory, to an error."""
     warm = 20.0 * noise.memory
     duration = noise.memory / (2.0 * error**2 * seeds)
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
-    # variance that the mean of a run takes, times its length
+    # variance that subtracting the mean of a run removes, times its length
     white = float(noise.spectrum.spring_force[0]) / 2.0
     force = []
     velocity = []
@@ -62,13 +62,13 @@ def in_runs(rig, noise, error, seeds=3):
 
 @pytest.mark.parametrize("interface", INTERFACES.values(), ids=INTERFACES)
 def test_contacts_fluctuate_as_theory_says(interface):
-    """Within three standard errors, and 1 % for what is beyond leading order."""
+    """Within three standard errors, plus 1 % for terms beyond leading order."""
     rig = rig_of(interface)
     noise = contact_noise(rig)
     assert noise.relative_velocity < 0.2
     force, velocity = in_runs(rig, noise, error=0.015)
     assert force == pytest.approx(1.0, abs=0.055)
-    assert velocity == pytest.approx(1.0, abs=0.055)  # its fluctuations forget faster
+    assert velocity == pytest.approx(1.0, abs=0.055)  # it decorrelates faster
 
 
 LIGHT = {  # rate, std, newborn; stiffness, mass, damping
@@ -90,7 +90,7 @@ def light_rig(rate, std, newborn, stiffness, mass, damping):
 
 @pytest.mark.parametrize("numbers", LIGHT.values(), ids=LIGHT)
 def test_a_light_slider_on_ageing_contacts_is_as_steady_as_theory_says(numbers):
-    """Stable, it answers within the contacts' memory; three standard errors."""
+    """If stable, it responds within the contacts' memory; three standard errors."""
     rig = light_rig(*numbers)
     force, _ = in_runs(rig, contact_noise(rig), error=0.05)
     assert force == pytest.approx(1.0, abs=0.15)
@@ -101,7 +101,7 @@ def test_a_light_slider_on_a_kinetic_equation_that_ages_settles(numbers):
     rig = replace(light_rig(*numbers), method=ss.MasterEquation())
     drive = ss.constant(1.0, duration=12.0)
     run = ss.simulate(rig.replace(drive=drive)).sel(time=slice(8.0, None))
-    # A run is right to its rtol of the mean threshold, 1, and no better.
+    # A run is accurate to its rtol times the mean threshold, 1, and no better.
     assert run.spring_force.std() < rig.method.rtol
 
 
@@ -113,7 +113,7 @@ def test_a_population_fluctuates_as_theory_says():
 
 
 def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
-    """It has a closed form, but for what is faster than the slider."""
+    """It has a closed form, except for fluctuations faster than the slider."""
     velocity = 0.7
     force = 0.3
     delay = 0.2
@@ -133,7 +133,7 @@ def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
         assert found == pytest.approx(square - mean**2, abs=lost + 1e-4 * square)
 
 
-# the latter break together
+# the contacts of the latter break together
 @pytest.mark.parametrize(("std", "sliding_force"), [(0.2, 0.0), (0.04, 0.3)])
 def test_newborns_that_scatter_hardly_answer_as_those_that_do_not(std, sliding_force):
     thresholds = ss.Gaussian(mean=1.0, std=std)
@@ -159,7 +159,7 @@ def test_how_many_contacts_a_size_takes():
 
 
 def test_near_the_limit_the_noise_grows_and_is_remembered_for_half_the_time_of_decay():
-    """The slowest mode is then all of it; its size goes as the root of its time."""
+    """The slowest mode then dominates; its size goes as the root of its decay time."""
     narrow = replace(TENTHS, thresholds=ss.Gaussian(mean=1.0, std=0.1))
     rig = rig_of(narrow, slider=ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4))
     edge = ss.critical(rig, "delay", between=(0.05, 0.3)).edges[0].value
@@ -181,7 +181,7 @@ def test_spectra_hold_the_sizes_in_the_units_of_the_rig():
         expected = scales.unit(unit) * getattr(natural, name)
         assert getattr(found, name) == pytest.approx(expected, rel=1e-12)
         square = float(found.spectrum[name].integrate("frequency"))
-        # by trapezia
+        # by the trapezoidal rule
         assert square == pytest.approx(getattr(found, name) ** 2, rel=0.02)
     assert found.spectrum.velocity.units == "(m/s)^2 / Hz"
     said = "smooth sliding with 1000 contacts: the spring force fluctuates by 2"
@@ -198,7 +198,7 @@ def test_beyond_linear_theory_the_answer_says_so():
 
 
 def test_contacts_that_draw_answer_beyond_all_memory():
-    """Faster than anything that a node resolves: no wave number is summed."""
+    """Beyond all frequencies that nodes resolve: no wave number is summed."""
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.2),
         newborn=ss.Gaussian(mean=0.2, std=0.1),

@@ -1,4 +1,4 @@
-"""A reading does not depend on where times, forces and places are counted from."""
+"""Results do not depend on the origins of times, forces and positions."""
 
 import numpy as np
 import pytest

@@ -1,8 +1,7 @@
-"""What commands print, word for word, and their numbers to two in a thousand: who
-changes a sentence is told.
+"""The output of commands: words exactly, and numbers to two in a thousand.
 
-Kept in tests/data/drawn; ``REDRAW=1`` in the environment writes what is printed now.
-Read it before it is kept.
+A changed sentence fails a test. Kept in tests/data/drawn; ``REDRAW=1`` in the
+environment writes what is printed now. Read it before you commit it.
 """
 
 import shutil
@@ -67,8 +66,8 @@ seed = 1
 distance = "20 mm"
 """
 EXAMPLES = ("brake_pad", "pmma_slider", "rock_slab")
-"""A slider, a bar and warm contacts; slips of the wiper and the teaching bench fall
-otherwise on other processors.
+"""A slider, a bar and warm contacts; on other processors slips of the wiper and the
+teaching bench differ.
 """
 STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
 EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
@@ -115,7 +114,7 @@ def bench(tmp_path_factory, request):
     return folder
 
 
-# a search for mitigations, cycles at many points
+# searches for mitigations, and cycles at many points
 DEAR = ("predict small", "predict small, short", "map small, bistable")
 MARKS = dict.fromkeys(DEAR, pytest.mark.slow)
 

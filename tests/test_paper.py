@@ -1,7 +1,7 @@
-"""The figures of the paper: claims come out as settled, pictures have ink and labels,
-data make their way to a file.
+"""The figures of the paper: claims have their reference verdicts, pictures are not
+empty and have labels, data can be written to files.
 
-The quick versions here; `python -m verification` makes the full ones.
+The quick versions are tested here; `python -m verification` makes the full ones.
 """
 
 import json
@@ -27,31 +27,31 @@ READ = "reproduced under the stated reading"
 PRINTED = "reproduced"
 NOT = "not reproduced"
 
-# Quick versions of these take their time, too, in searches for boundaries and runs of
-# some thousand time units.
+# Quick versions of these take long too: they search boundaries and run for some
+# thousand time units.
 SLOW = pytest.mark.slow
 LONG = dict.fromkeys(("fig6", "fig7", "fig8", "fig9", "fig10", "fig11"), SLOW) | {
     "fig4": pytest.mark.takes(3)
 }
 QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 
-# Claims about oscillations of which rounding tells all but the first digits, and how
-# far that goes.
+# Claims about oscillations of which rounding changes all but the first digits, and by
+# how much.
 ROUNDED = {"fig4": {"atol": 1e-4}, "fig5": {"rtol": 0.03}}
 
-# Quick runs of Fig. 5 ask for this rtol, and Eq. (12) without damping errs most at
-# this Omega dt.
+# Quick runs of Fig. 5 use this rtol; Eq. (12) without damping is most in error at this
+# Omega dt.
 RTOL_5 = 1e-4
 WORST_5 = 0.8
 
 
 def error_of_eq_12(claims):
-    """How far the error of Eq. (12) without damping may move on another processor.
+    """How far the error of Eq. (12) without damping may differ on another processor.
 
-    The slip is a difference of two displacements, each right to the rtol of the run
-    times the mean threshold, 1; relative to the slip their errors are amplified by the
-    inverse of it. The slip is Omega dt / Omega times the velocity of the drive, times
-    the factor that the claims print beside it.
+    The slip is a difference of two displacements, each accurate to the rtol of the run
+    times the mean threshold, 1; relative to the slip their errors are amplified by its
+    inverse. The slip is Omega dt / Omega times the velocity of the drive, times the
+    factor that the claims print beside it.
     """
     (factor,) = re.findall(r"as printed, .*eta 0 = ([\d.]+)", claims)
     slip = WORST_5 / FIG5.slider.frequency * float(factor) * FIG5.velocity
@@ -60,7 +60,7 @@ def error_of_eq_12(claims):
 
 @pytest.fixture(scope="session")
 def quick():
-    """Data of a figure, computed once; its progress rises to one."""
+    """The data of a figure, computed once; checks that its progress rises to one."""
     made = {}
 
     def data(name):
@@ -126,7 +126,7 @@ PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
 AT_REST = PAIR | {"initial_std": 0.0}
 AS_PRINTED = reference.CRITICAL_STIFFNESS_PRINTED
 RUN = {"solver": "contacts"}
-# A claim and its data; where they say something else, and what; the verdict then.
+# Figure, claim and quantity; the case; another value of the quantity; the verdict then.
 OTHERWISE = [
     ("fig3 5 critical_stiffness", AT_REST | {"threshold_std": 0.3}, 99.0, NOT),
     ("fig3 5 critical_stiffness", AT_REST | {"threshold_std": 0.02}, 40.0, NOT),
@@ -135,9 +135,9 @@ OTHERWISE = [
     ("fig4 7 kind", RUN | {"stiffness": 2.0, "delay": 0.085}, "stick-slip", NOT),
     ("fig4 7 kind", RUN | {"stiffness": 2.0, "delay": 0.1}, "smooth sliding", NOT),
     ("fig4 7 kind", RUN | {"stiffness": 2.0, "delay": 0.2}, "undecided", NOT),
-    # Of the linear critical delay, too, as the paper has it.
+    # Also of the linear critical delay, as in the paper.
     pytest.param("fig6 9 linear", {}, "sustained", PRINTED, marks=SLOW),
-    # smooth again, delays as in the paper
+    # smooth again, with the delays of the paper
     pytest.param(
         *("fig7 12 sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED), marks=SLOW
     ),
@@ -198,7 +198,7 @@ def claim(value=2.9891, **said):
     ],
 )
 def test_a_claim_holds_where_its_numbers_are_met(said, verdict, settled):
-    """It holds where its verdict is the settled one, too."""
+    """It also holds if its verdict is the reference one."""
     made = claim(**said)
     assert (made.verdict, made.settled) == (verdict, settled)
     assert made.ok == (verdict == settled and said.get("value", 2.9891) == 2.9891)

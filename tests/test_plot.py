@@ -1,4 +1,4 @@
-"""Pictures: labels with units, marks of slips, thinning, whole files or none."""
+"""Pictures: labels with units, marks of slips, thinning, complete files or none."""
 
 import tomllib
 
@@ -38,7 +38,7 @@ def run_si(run):
 
 @pytest.fixture
 def trace():
-    """A sawtooth as a bench gives it: a force and nothing else."""
+    """A sawtooth as a bench records it: a force and nothing else."""
     t = 0.25 * np.arange(800)
     force = 8.0 + 4.0 * (t / 7.0 % 1.0) + 0.02 * np.sin(37.0 * t)
     units = {"units": "N", "long_name": "spring force"}
@@ -138,7 +138,7 @@ def test_other_pictures_are_what_they_were(run, trace):
 def test_energies_stack_up_to_the_work(run):
     ax = plot.energy(run)
     top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
-    # The contacts start with a little of their own.
+    # The contacts start with a little energy of their own.
     energy = float(run["work"].max() + run["contact_energy"][0])
     assert top == pytest.approx(energy, rel=1e-9)
 
@@ -160,7 +160,7 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
     assert [ax.get_yscale() for ax in shown] == ["linear", "linear", "symlog"]
     drive = float(run["drive_velocity"].max())
     label = axes.yaxis.get_major_formatter()
-    assert label(0.5 * drive) == label(-0.5 * drive) == ""  # these would crowd around 0
+    assert label(0.5 * drive) == label(-0.5 * drive) == ""  # they would crowd around 0
     assert (label(0.0), label(10.0 * drive)) == ("0", f"{10 * drive:g}")
 
 

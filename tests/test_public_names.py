@@ -1,4 +1,4 @@
-"""What `import stickslip` gives, and what it leaves alone."""
+"""What `import stickslip` provides, and what it leaves alone."""
 
 import ast
 import importlib
@@ -20,7 +20,7 @@ HEAVY += "rich", "scipy.stats"
 
 
 def said_and_loaded(code: str) -> set[str]:
-    """Words that a program prints, and modules that it has in the end."""
+    """Return the words that a program prints, and the modules loaded at its end."""
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
         capture_output=True,
@@ -61,7 +61,7 @@ def test_a_verdict_makes_no_tables():
 def test_every_public_name_is_there_and_says_what_it_is():
     assert len(ss.__all__) == len(set(ss.__all__))
     assert ss.__all__ == sorted(ss.__all__)
-    assert len(dir(ss)) <= 66  # a contract: the rest lives in its room
+    assert len(dir(ss)) <= 66  # a contract: other names stay in their rooms
     for name in ss.__all__:
         assert name in dir(ss)
         assert getattr(ss, name).__doc__, name
@@ -70,7 +70,7 @@ def test_every_public_name_is_there_and_says_what_it_is():
 def test_the_version_is_stated_once():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     others = [ROOT / "CITATION.cff", ROOT / "README.md", ROOT / "docs" / "conf.py"]
-    # no machine code of kernels, whose names have .py in them, too
+    # no compiled code of kernels, whose file names contain .py too
     others += [*(ROOT / "src").rglob("*.py"), *(ROOT / "src").rglob("*.pyi")]
     stated = re.compile(rf"\b{re.escape(project['version'])}\b".encode())
     assert [str(file) for file in others if stated.search(file.read_bytes())] == []
@@ -92,13 +92,13 @@ def test_the_room_of_the_sweeps_takes_what_its_function_takes():
 
 
 def public_names(module):
-    """Names that a room lists as its own; of a module without a list, all names."""
+    """Public names of a room; of a module without a list, all names."""
     listed = getattr(module, "__all__", None)
     return set(listed if listed is not None else vars(module))
 
 
 def names_used(file):
-    """Yield each name that a file takes from a module of ours, with that module."""
+    """Yield each name that a file imports from our modules, with the module."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     known = {}
     for node in ast.walk(tree):
@@ -114,8 +114,8 @@ def names_used(file):
 
 
 def is_public(module, name):
-    """Whether a module lists a name, or the name is a module itself, which the
-    contract in pyproject.toml looks after; true of what is no module but a class.
+    """Return whether a module lists a name, or the name is a module itself (the
+    contract in pyproject.toml covers these); true of classes.
     """
     try:
         listed = public_names(importlib.import_module(module))

@@ -1,4 +1,4 @@
-"""Quantities: one strict grammar, exact values, nothing read as something else."""
+"""Quantities: one strict grammar, exact values, and nothing is misread."""
 
 import math
 import sys
@@ -55,7 +55,7 @@ def refusal(text, unit="N/m"):
     ],
 )
 def test_what_is_well_written_is_read(text, unit, value):
-    # Exact sizes, rounded once; the right-hand sides are rounded once or twice.
+    # Sizes are exact, rounded once; the right-hand sides are rounded once or twice.
     assert read_quantity(text, unit, "") == pytest.approx(value, rel=3e-16, abs=0)
 
 
@@ -140,7 +140,7 @@ SIZES = {
 for p, size in PREFIXES.items():
     for u, kind in UNITS.items():
         SIZES[p + u] = Fraction(size) / (1000 if u == "g" else 1), kind
-"""Units in metres, kilograms and seconds: what this test knows of them without a
+"""Units as powers of metres, kilograms and seconds, which this test defines without a
 library.
 """
 

@@ -1,4 +1,4 @@
-"""Rate and state of whole records: steps and holds found in the displacement."""
+"""Rate-and-state fits of whole records: steps and holds found in the displacement."""
 
 import json
 
@@ -30,7 +30,7 @@ def record_of(
     jitter=0.05,
     trend=0.0,
 ):
-    """A record each 0.1 s: friction of a spring-slider, where its load point was."""
+    """A record every 0.1 s of the friction of a spring-slider and its load point."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, until, 0.1)
     pull = np.array(speeds)[np.searchsorted(begins, time + 1e-9, side="right") - 1]
@@ -48,7 +48,7 @@ def steps_of(seed=0, **how):
 
 
 def pulls(fit, rock=ROCK):
-    """How many of their errors the estimates are off."""
+    """Return by how many of their errors the estimates deviate."""
     found = fit.a, fit.b, fit.distance, fit.a_minus_b
     true = rock.a, rock.b, rock.distance, rock.a - rock.b
     pairs = zip(found, true, strict=True)
@@ -87,7 +87,7 @@ def test_errors_of_the_steps_of_twenty_records_are_honest():
     found = (fit_record(steps_of(seed), law="ageing") for seed in range(20))
     off = np.array([pulls(fit) for record in found for fit in record.steps])
     assert off.shape == (60, 4)
-    # 60 of standard deviation 1: of the mean .13, of the standard deviation .09
+    # 60 values of standard deviation 1: .13 for the mean, .09 for that deviation
     assert np.all(np.abs(off.mean(axis=0)) < 0.5)
     assert np.all(np.abs(off.std(axis=0) - 1.0) < 0.4)
 
@@ -109,7 +109,7 @@ def test_dates_become_seconds():
 
 @pytest.mark.slow
 def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
-    """Counted in curves: some 2 ms each."""
+    """The cost is counted in model curves, some 2 ms each."""
     curves = []
     slide = RateAndState.slide
 
@@ -166,7 +166,7 @@ def test_healing_in_the_holds_of_a_record():
 
 @pytest.mark.slow
 def test_steps_by_decades_are_found_where_the_fast_ones_are_short():
-    """Each piece goes as far; the fastest lasts a hundredth of the slowest."""
+    """Each piece covers one distance; the fastest lasts a hundredth of the slowest."""
     speeds = np.array([1.0, 0.1, 1.0, 10.0, 100.0, 10.0])
     time = np.append(0.0, np.cumsum(200.0 / speeds))
     t = np.arange(0.0, time[-1], 0.25)
@@ -196,7 +196,7 @@ def test_swapped_velocities_are_told_by_the_displacement():
 
 
 def test_a_step_that_is_not_identified_has_its_line():
-    """The friction stays as it is at the second step of the velocity."""
+    """The friction does not change at the second step of the velocity."""
     data = steps_of(3).sel(time=slice(0.0, 300.0))
     data["mu"] = data["mu"].where(data["time"] < 200.0, data["mu"].sel(time=200.0))
     found = fit_record(data, law="ageing")

@@ -1,8 +1,7 @@
-"""Numbers that users have had: the same rig and seed give them again, and who changes
-one is told.
+"""Numbers that users have obtained: the same rig and seed must give them again.
 
-The laws of tests/test_laws.py say what is right; here stands which of all right runs it
-is. Each test keeps a table in tests/data/drawn, a line for each case.
+The laws of tests/test_laws.py check that a run is right; this file records which of all
+right runs it is. Each test keeps a table in tests/data/drawn, a line for each case.
 """
 
 import ast
@@ -23,11 +22,11 @@ from test_laws import DRIVE, PAIRS, run_of
 import stickslip as ss
 
 ROUNDING = 1e-7
-"""Far above what another processor rounds otherwise, far below what any solver is
-asked for.
+"""Tolerances far above differences of rounding between processors, far below the
+accuracy asked of any solver.
 """
 RTOL = {"MasterEquation": 1e-5, "Population": 0.15}
-"""Where rounding alone decides whether one step more is made, and with it, in a
+"""Tolerances where rounding decides whether one more step is made, and thus, in a
 population, which numbers are drawn.
 """
 DELAYED = ss.Interface(thresholds=TENTH, delay=DELAY)
@@ -41,7 +40,7 @@ KINDS |= {name: ss.Interface(thresholds=TENTH, **more) for name, more in MORE.it
 
 
 def row(name: str, numbers: Mapping[str, object]) -> str:
-    """Say the numbers of a case in a line."""
+    """Write the numbers of a case into a line."""
     said = ", ".join(f"{key} {_said(value)}" for key, value in numbers.items())
     return f"{name}: {said}\n"
 
@@ -53,12 +52,12 @@ def _said(value: object) -> str:
 
 
 def table(rows: Mapping[str, Mapping[str, object]]) -> str:
-    """Say each case in its line."""
+    """Write each case into its line."""
     return "".join(row(name, numbers) for name, numbers in rows.items())
 
 
 def of_run(run: xr.Dataset) -> dict[str, object]:
-    """Where a run ends, and its forces on the way."""
+    """Return the end of a run, and its forces on the way."""
     return {
         "ends at": float(run["displacement"].isel(time=-1).mean()),
         "largest force": float(run["spring_force"].max()),
@@ -68,7 +67,7 @@ def of_run(run: xr.Dataset) -> dict[str, object]:
 
 
 def _more_runs(method: str) -> dict[str, xr.Dataset]:
-    """Runs of other bodies, starts and drives than the laws ask for."""
+    """Runs with other bodies, starts and drives than in the laws."""
     if method not in ("Contacts", "MasterEquation"):
         return {}
     few = ss.Contacts(15, seed=2)
@@ -137,7 +136,7 @@ def _theory(interface: ss.Interface) -> dict[str, object]:
     }
 
 
-@pytest.mark.takes(10)  # the theory of all interfaces
+@pytest.mark.takes(10)  # computes the theory of all interfaces
 def test_steady_sliding_is_kept():
     rows = {}
     for name, interface in KINDS.items():
@@ -148,7 +147,7 @@ def test_steady_sliding_is_kept():
     assert_kept(table(rows), "steady_sliding", rtol=ROUNDING, atol=1e-12)
 
 
-@pytest.mark.takes(10)  # of all distributions
+@pytest.mark.takes(10)  # and of all distributions
 def test_rigid_motion_is_kept(distributions):
     rows = {}
     for name, thresholds in distributions.items():
@@ -181,7 +180,7 @@ def test_bars_are_kept():
 
 
 def _made_up_forces() -> dict[str, np.ndarray]:
-    """Forces every .1 s, that slip, oscillate, or do neither."""
+    """Forces every .1 s that slip, oscillate, or do neither."""
     rng = np.random.default_rng(7)
     t = np.arange(4000)
     noise = 0.02 * rng.normal(size=t.size)
@@ -238,7 +237,7 @@ KEEPERS = ("assert_kept", "assert_drawn")
 
 
 def _words_of(test: ast.FunctionDef, module: object) -> set[str]:
-    """Texts that the name of a kept file may be made of: in its test's body."""
+    """Texts that may form the name of a kept file, in the body of its test."""
     constants = (node for node in ast.walk(test) if isinstance(node, ast.Constant))
     words = {node.value for node in constants if isinstance(node.value, str)}
     for mark in getattr(getattr(module, test.name), "pytestmark", ()):
@@ -249,7 +248,7 @@ def _words_of(test: ast.FunctionDef, module: object) -> set[str]:
 
 
 def _names_asked(file: Path) -> Iterator[str]:
-    """Patterns of the names of the kept files that the tests of a file ask for."""
+    """Patterns of the names of kept files that the tests of a file use."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     for test in (node for node in tree.body if isinstance(node, ast.FunctionDef)):
         calls = (node for node in ast.walk(test) if isinstance(node, ast.Call))

@@ -1,4 +1,4 @@
-"""Rig files: what one says reaches the model; each mistake gets one clear line."""
+"""Rig files: their values reach the model, and each mistake gets one clear line."""
 
 import json
 import re
@@ -35,7 +35,7 @@ def test_the_published_bench_reaches_the_model_in_natural_units():
     given = {"mass": 75.6e-3, "stiffness": 4e6, "velocity": 0.4e-3, "delay": 2e-3}
     given["load"] = 1920 * 0.4
     assert {name: rig.value(name) for name in given} == pytest.approx(given)
-    # Omega is a rate: the same in both systems of units.
+    # Omega is a rate, equal in both systems of units.
     rate = rig.scales.si(rig.slider.frequency, "rate")
     assert (rate**2, rig.slider.damping_ratio) == pytest.approx((4e6 / 75.6e-3, 0.15))
 
@@ -95,8 +95,8 @@ def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
     assert rig.source in rigs.to_toml(rig)
 
 
-# Keys of files that together have every key: of what slides, of the interface, of the
-# drive, of the simulation.
+# Files that together have every key: of sliders, the interface, the drive, the
+# simulation.
 SPRINGS = "leaf side damping viscosity ends"
 BLOCK = "spacing width height youngs_modulus density"
 FILES = {
@@ -145,8 +145,8 @@ TOP = {name: rig_keys.TOP[name].example for name in HEADS}
 
 
 def written(kind, factor, *, natural):
-    """A rig file of examples, with all quantities times a factor, or equal to it
-    where they are plain numbers.
+    """Write a rig file from the examples of keys, with all quantities times a factor,
+    or equal to it if they are plain numbers.
     """
     tables = (kind.split()[0], "interface", "drive", "simulation")
     names = dict(zip(tables, keys_of(kind), strict=True))
@@ -166,7 +166,7 @@ def written(kind, factor, *, natural):
     def scaled(value):
         if isinstance(value, dict):
             bell = rig_keys.keys_of(ss.Bell) if "kind" in value else {}
-            # what no scale of the rig measures
+            # quantities that no scale of the rig measures
             apart = {name for name, key in bell.items() if key.si}
             scales = value.keys() - apart
             return value | {name: scaled(value[name]) for name in scales}
@@ -192,8 +192,7 @@ def written(kind, factor, *, natural):
 def test_every_key_is_written_and_reads_back(kind, natural, factor):
     rig = rigs.from_document(written(kind, factor, natural=natural))
     again = reread(rig)
-    # A natural value that no text in SI divides into exactly reads back as its
-    # neighbour.
+    # A natural value that no SI text gives exactly is read back as its neighbour.
     plain, before = (json.dumps(datasets.encode(each)) for each in (again, rig))
     assert NUMBER.sub("#", plain) == NUMBER.sub("#", before)
     expected = pytest.approx(list(map(float, NUMBER.findall(before))), rel=1e-15)
@@ -242,7 +241,7 @@ def test_every_key_is_in_a_file_above():
         tables = (kind.split()[0], "interface", "drive", "simulation")
         for table, names in zip(tables, keys_of(kind), strict=True):
             used |= {(table, name) for name in names}
-    # those of which test_structures.py and test_loads.py write files
+    # test_structures.py and test_loads.py write files with these
     used |= {("slider", name) for name in rig_keys.STRUCTURES}
     used |= {("controller", name) for name in rig_keys.TABLES["controller"]}
     used |= {("drive", "load"), ("drive", "force")}
@@ -438,7 +437,7 @@ COEFFICIENTS = (0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.355, 0.3
 
 @pytest.mark.parametrize(("mu_s", "mu_k"), COEFFICIENTS)
 def test_two_coefficients_of_friction_are_those_of_the_rig(document, mu_s, mu_k):
-    """Coefficients that no thresholds give are refused, with their range."""
+    """Coefficients that no thresholds can give are refused, with their range."""
     for key in ("contact_strength", "thresholds"):
         del document["interface"][key]
     document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": mu_k}
@@ -555,8 +554,8 @@ def test_parts_of_a_rig_are_cards_with_their_units(part, cells):
 
 
 def _every_rig():
-    """Rigs that ship, in SI units; the same without units; and one that keeps its time
-    in milliseconds, with every part other than its default.
+    """The example rigs in SI units, the same without units, and one that keeps its time
+    in milliseconds, with no part at its default.
     """
     shipped = [rigs.example(name) for name in rigs.example_names()]
     until = ss.constant(2.0, 1.0).until(ss.model.Travel(0.7))

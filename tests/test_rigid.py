@@ -1,4 +1,4 @@
-"""Rigid motion: Fig. 1, effective and critical stiffness, three solvers that agree."""
+"""Rigid motion: Fig. 1, effective and critical stiffness, three equal solvers."""
 
 import math
 from dataclasses import replace
@@ -34,9 +34,9 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
     initial = SteadyState(thresholds=distribution)
     rig = ss.Interface(thresholds=distribution, initial=initial)
     run = ss.rigid_slide(rig, 5.0)
-    # The start is a sum over some nodes. Where the survival starts with an infinite
-    # slope no polynomial follows it; where the distribution jumps each node breaks with
-    # a kink in the force, and a jump in its slope.
+    # The start is a sum over nodes. Where the survival starts with an infinite slope no
+    # polynomial fits it; where the distribution jumps, each node breaks with a kink in
+    # the force and a jump in its slope.
     jumps = any(knot > 0 for knot in distribution.knots)
     slack = 2e-4 if jumps or float(distribution.density(1e-9)) > 5 else 5e-5
     friction = distribution.moment(2) / (2 * distribution.moment(1))
@@ -48,7 +48,7 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
 
 @pytest.mark.eq(8)
 def test_critical_stiffness_without_reattachment():
-    """From a delta start: max of X P_c(X) - J_c(X), whenever contacts re-attach."""
+    """From a delta start: max of X P_c(X) - J_c(X), whatever the delay."""
     distribution = ss.Gaussian(mean=1.0, std=0.1)
     X = np.linspace(0.9, 1.2, 30_001)
     expected = np.max(X * distribution.density(X) - distribution.survival(X))
@@ -121,7 +121,7 @@ def test_effective_stiffness_is_minus_the_slope(distribution, velocity_delay):
     if not any(knot > 0 for knot in distribution.knots):
         differences = (F[2:] - F[:-2]) / (2 * h)
         error = np.abs(differences - slope[1:-1]) / scale
-        assert np.quantile(error, 0.97) < 1e-3  # all but the corner at X = v tau
+        assert np.quantile(error, 0.97) < 1e-3  # except the corner at X = v tau
 
 
 METHODS = ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)
@@ -138,7 +138,7 @@ def test_other_methods_agree_with_the_renewal(distribution, method):
     if isinstance(method, ss.Contacts):
         std = np.array([math.sqrt(distribution.moment(2)), 0.5])
         slack = 6 * std / math.sqrt(4_000)
-    # a distribution with a singular start breaks a finite fraction of the newborn
+    # with a singular start of the distribution a finite fraction of newborns breaks
     # within one step of 1/400
     else:
         early = float(1 - distribution.survival(1 / 400))
@@ -160,7 +160,7 @@ def test_only_velocity_times_delay_counts(method):
 
 @pytest.mark.parametrize("delay", [0.0, 0.25])
 def test_equal_thresholds_make_a_sawtooth(delay):
-    """Its period is a threshold and the way gone in the delay."""
+    """Its period is a threshold plus the displacement during the delay."""
     thresholds = ss.Gaussian(mean=1.0, std=0.0)
     same = ss.Interface(thresholds=thresholds, initial=AT_REST, delay=ss.Delay(delay))
     run = ss.rigid_slide(same, 7.4, velocity=2.0, method=ss.Contacts(9))

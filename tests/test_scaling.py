@@ -1,6 +1,4 @@
-"""What is measured in which unit makes no difference: all lengths times one factor,
-all times times another.
-"""
+"""Units make no difference: all lengths times one factor, all times times another."""
 
 import math
 from dataclasses import replace
@@ -57,7 +55,7 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
     rigs = (replace(rig, method=method) for rig in both)
     here, there = (ss.simulate(rig) for rig in rigs)
     assert there.sizes == here.sizes
-    # Contacts break one by one, exactly; the master equation may differ by its
+    # Contacts break one by one, exactly; the master equation may deviate by its
     # tolerance.
     exact = isinstance(method, ss.Contacts)
     first = slice(None, None if exact else 200)
@@ -89,16 +87,16 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     rig = replace(RIG, interface=replace(RIG.interface, **mechanism))
     runs = map(ss.simulate, (rig, rescaled_rig(rig, length, time)))
     here, there = (run["spring_force"].to_numpy() for run in runs)
-    # rounding grows later, where contacts break
+    # rounding grows later, as contacts break
     assert np.abs(there[:300] / length - here[:300]).max() < 1e-9
-    # Where contacts break by chance, rounding makes another run: four errors of a
+    # Where contacts break by chance, rounding gives another run: four errors of a
     # difference of means, .3 % each.
     scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "activation" in mechanism else 1e-3
     assert there.mean() / length == pytest.approx(here.mean(), rel=scatter)
     there = rescaled_rig(rig, length, time)
     few = (replace(each, method=ss.Contacts(500)) for each in (rig, there))
     seconds = [estimate(each).seconds for each in few]
-    # steps of the master equation follow from an error in f_s
+    # steps of the master equation depend on an error in f_s
     assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)
     force = ss.kinetic_friction(there.interface, there.velocity)
     expected = length * ss.kinetic_friction(rig.interface, rig.velocity)
@@ -176,7 +174,7 @@ def test_an_answer_has_no_length_or_time_of_its_own(answer, length, time):
     assert linear(found, there) == expected
     sizes = {mitigation.parameter: mitigation.size for mitigation in here.mitigations}
     assert sizes
-    # Rounding makes other runs of the same contacts: twice the precision of the search,
+    # Rounding gives other runs of the same contacts: twice the precision of the search,
     # .05.
     changes = {each.parameter: each.size for each in found.mitigations}
     assert changes == pytest.approx(sizes, abs=0.1)

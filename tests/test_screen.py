@@ -1,4 +1,4 @@
-"""The answer in some twenty lines: no sentence of it without its test."""
+"""The answer in some twenty lines: each of its sentences has a test."""
 
 import math
 import re
@@ -40,7 +40,7 @@ def changed(rig, **factors):
 
 
 def doubted(**fields):
-    """Sixty-four rigs, all told, of which the half oscillates."""
+    """A doubt about sixty-four rigs, half of which oscillate."""
     usual = {"oscillates": 0.5, "undecided": 0.0, "draws": 64}
     usual |= {"matters": (("slider.mass", 0.9, 0.1),), "assumed": ("slider.mass",)}
     return advise.Doubt(**usual | fields)
@@ -275,7 +275,7 @@ def test_a_terminal_gets_colours_and_signs(found, monkeypatch):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
     shown = here.text(80, bold=True, signs=True)
-    assert re.search("\033\\[30;48;[0-9;]*m\\*", shown)  # on a ground
+    assert re.search("\033\\[30;48;[0-9;]*m\\*", shown)  # on a coloured background
     bare = re.sub("\033\\[[0-9;]*m", "", shown)
     for sign, plain in zip(sections.ARROWS, sections.ASCII, strict=True):
         assert f" {sign} " in bare

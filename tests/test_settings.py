@@ -14,7 +14,7 @@ from stickslip.io.settings import read_rig_with
         ("slider.mass=500 g", "mass", 0.5),
         # in place of the damping ratio of the file
         ("slider.damping=20 1/s", "damping", 20.0),
-        ("slider.damping=900 N*s/m", "damping", 300.0),  # over the mass, 3 kg
+        ("slider.damping=900 N*s/m", "damping", 300.0),  # divided by the mass, 3 kg
         ("interface.thresholds.std=0.3", "std", 0.3),
     ],
 )
@@ -27,7 +27,7 @@ def test_settings_leave_all_else_and_none_leave_the_rig():
     given = ss.read_rig("brake_pad")
     assert read_rig_with("brake_pad", []) == given
     changed = read_rig_with("brake_pad", ["drive.velocity=2 mm/s"])
-    # natural numbers differ, as the unit of time is that of the drive
+    # natural numbers differ, since the unit of time is the drive's
     for name in ("mass", "stiffness", "damping", "delay", "load"):
         assert changed.value(name) == pytest.approx(given.value(name))
 

@@ -1,4 +1,4 @@
-"""One door to the solvers: conservation, exactness, repeatability, bad input."""
+"""`simulate` for all solvers: conservation, exactness, repeatability, bad input."""
 
 import json
 import math
@@ -107,7 +107,7 @@ def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interva
 def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     """Work of the drive = kinetic + spring + contacts + damped + broken."""
     rig = MOTIONS[name]
-    # Powers of two divide exactly, so that sample times agree to the last bit.
+    # Powers of two divide exactly: sample times agree to the last bit.
     coarse = 2.0 ** math.floor(math.log2(rig.drive.duration / 20))
     times = tuple(rig.drive.duration * share for share in (0.0, 0.123, 0.5, 0.777))
     few = ss.simulate(rig, output=ss.Output(interval=coarse))
@@ -126,7 +126,7 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
 
 @pytest.mark.parametrize("count", [1, 17])
 def test_equal_contacts_break_together(count):
-    """All thresholds 1, all born at 0, none re-attaches: the force is X up to 1."""
+    """All thresholds 1, all attached at 0, none re-attaches: the force is X up to 1."""
     initial = ss.Gaussian(mean=0, std=0)
     same = ss.Interface(thresholds=ONE, initial=initial, delay=ss.Delay(math.inf))
     rig = ss.Rig(same, FIG4_SLIDER, ss.constant(1.0, 3.0))
@@ -136,7 +136,7 @@ def test_equal_contacts_break_together(count):
     np.testing.assert_allclose(F, np.where(X < 1, X, 0.0), atol=1e-14)
     np.testing.assert_array_equal(run["attached"], np.where(X < 1, 1.0, 0.0))
     assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
-    # Afterwards it follows the drive at the distance that drags against the damping.
+    # Afterwards it lags behind the drive by the damping force over the stiffness.
     assert float(run["spring_force"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
 
 
@@ -156,8 +156,7 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
     distribution = SteadyState(thresholds=TENTH)
     expected = attached * -np.diff(distribution.survival(edges))
     got = run["stretching_density"].to_numpy() * np.diff(edges)
-    # Counts in a bin scatter as a binomial number's; the master equation has no
-    # scatter.
+    # Counts in a bin scatter binomially; the master equation has no scatter.
     slack = attached * distribution.density(0.0) / 400
     if isinstance(method, ss.Contacts):
         slack = 6 * np.sqrt(expected / method.count)
@@ -171,7 +170,7 @@ def test_a_run_that_goes_on_is_the_run_that_its_provenance_makes():
     assert float(run.time[-1]) == pytest.approx(5.0, abs=float(run.time[1]))
     assert run.time[1] == first.dataset().time[1]
     assert ss.rerun(run).identical(run)
-    assert first.longer(5.0).dataset().identical(run)  # the first is left as it was
+    assert first.longer(5.0).dataset().identical(run)  # the first run is unchanged
 
 
 @pytest.mark.takes(3)
@@ -185,7 +184,7 @@ def test_a_run_that_goes_on_is_the_run_that_its_provenance_makes():
     ids=["many contacts", "many pieces", "a slider that creeps"],
 )
 def test_how_much_more_time_a_run_takes_is_told(changes):
-    """Whatever the machine: of CPU time, over that of a usual run."""
+    """On any machine: CPU time over that of a usual run."""
 
     def told_and_taken(rig):
         taken = []

@@ -1,4 +1,4 @@
-"""Files and provenance: whole or not at all, and every record comes back as it was."""
+"""Files and provenance: complete or absent, and every record is read back unchanged."""
 
 import json
 import math
@@ -87,7 +87,7 @@ CASES = [
 
 
 def named(value, found):
-    """Names of all records within a record."""
+    """Return the names of all records within a record."""
     if isinstance(value, dict):
         found |= {value["class"]} if "class" in value else set()
         for item in value.values():

@@ -1,4 +1,4 @@
-"""Surfaces: the solver against closed forms and kept numbers, and its contacts."""
+"""Surfaces: the solver against closed forms and kept numbers, contacts of maps."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from stickslip.surface.prior import births, stretchings
 
 
 def waves(n, most, turn=0.0):
-    """Waves of all directions down to n/most, of phases that never repeat; rms 1e-3."""
+    """Waves in all directions of up to `most` periods, with random phases; rms 1e-3."""
     golden = (math.sqrt(5.0) - 1.0) / 2.0
     modes = np.zeros((n, n), dtype=complex)
     pairs = ((i, j) for i in range(most + 1) for j in range(-most, most + 1))
@@ -28,7 +28,7 @@ def waves(n, most, turn=0.0):
 
 
 def sphere(n, radius, curvature):
-    """A sphere in a cell, and the pressure of so wide a contact (Hertz)."""
+    """A sphere in a cell, and the pressure (Hertz) of a contact of a given width."""
     at = np.arange(n) - (n - 1) / 2.0
     height = -(at[:, np.newaxis] ** 2 + at**2) / (2.0 * curvature)
     return height, 4.0 / 3.0 * radius**3 / curvature / n**2
@@ -54,7 +54,7 @@ def test_a_large_sphere_touches_as_hertz_says():
 def test_a_wave_touches_as_westergaard_says(part):
     x = np.arange(256) / 256
     height = 1e-3 * np.cos(2.0 * np.pi * x)[:, np.newaxis] + np.zeros(256)
-    full = np.pi * 1e-3  # pressure that flattens it
+    full = np.pi * 1e-3  # pressure that flattens the surface
     p = press(height, 1.0 / 256, part * full, 1.0)
     assert p.max() == pytest.approx(2.0 * math.sqrt(part) * full, rel=1e-3)
 
@@ -68,7 +68,7 @@ TABLE = [
 
 @pytest.mark.parametrize(("n", "most", "pressure", "hardness", "area", "length"), TABLE)
 def test_rough_surfaces_touch(n, most, pressure, hardness, area, length):
-    """Areas and lengths are those of the table."""
+    """Areas and lengths agree with a kept table."""
     p = press(waves(n, most), 1.0 / n, pressure, 1.0, hardness=hardness)
     stiffness = tangential_stiffness(p, 1.0 / n, 1.0, 0.3)
     assert p.mean() == pytest.approx(pressure, rel=1e-9)
@@ -92,7 +92,7 @@ def test_more_load_than_the_hardness_is_refused():
 
 
 def test_a_disc_is_a_little_stiffer_in_its_cell_than_alone():
-    """Mindlin's stiffness of a disc is that of one without neighbours."""
+    """Mindlin's stiffness is that of a disc without neighbours."""
     at = np.arange(256) - 127.5
     disc = at[:, np.newaxis] ** 2 + at**2 < 12.0**2
     alone = 2.0 * 12.0 * 2.0 * (1.0 - 0.3) / (2.0 - 0.3) / disc.size
@@ -109,7 +109,7 @@ def test_progress_runs_to_the_end_of_a_solution():
 # ------------------------------------------------------------------ contacts of a map
 
 SURFACE = ss.surface
-UNIT = SURFACE.Material(young=2.0 * (1.0 - 0.3**2))  # whose contact modulus is 1 Pa
+UNIT = SURFACE.Material(young=2.0 * (1.0 - 0.3**2))  # with a contact modulus of 1 Pa
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def test_a_contact_across_the_edges_of_a_map_is_one(rough, found):
 
 
 def test_area_grows_with_the_load_and_the_length_does_not(rough):
-    """Amontons: a factor 16 in load."""
+    """Amontons' law over a factor of 16 in load."""
     pressures = np.array([0.5e6, 2e6, 8e6])
     seen = SURFACE.loads(rough, pressures=pressures, material="pmma")
     logs = np.log(pressures)
@@ -179,7 +179,7 @@ def test_the_length_hardly_depends_on_the_resolution_but_the_number_does(found):
 
 @pytest.mark.parametrize("length", ["renewal", "elastic"])
 def test_the_law_of_births_gives_the_friction_of_the_map(found, length):
-    """The snapshot gives too much by 1 + CV^2; kept areas are their own births."""
+    """The snapshot gives too much by 1 + CV^2; kept areas need no correction."""
     x, w = stretchings(found, 0, length, 0.4)
     mean = (w * x).sum()
     births_mean = 1.0 / (w / x).sum()
@@ -274,7 +274,7 @@ HEADER = "# Channel: Height\n# Width: 64.00 µm\n# Height: 64.00 µm\n# Value un
 
 
 def written(folder, name, values):
-    """A file of a map in nm, 1 um from node to node."""
+    """Write a file of a map in nm, with 1 um from node to node."""
     file = folder / name
     if name.endswith(".npz"):
         np.savez(file, height=values, spacing=1e-6, unit="nm")
@@ -293,7 +293,7 @@ def test_files_give_the_map_that_was_written(name, tmp_path):
 
 
 class Topography:
-    """What SurfaceTopography gives."""
+    """A stand-in for the class of SurfaceTopography."""
 
     unit = "um"
     pixel_size = (2.0, 2.0)

@@ -1,4 +1,4 @@
-"""Sweeps: the same results wherever they run, whatever is killed; refusals in one
+"""Sweeps: the same results wherever they run and whatever is killed; refusals in one
 line; boundaries with few runs.
 """
 
@@ -56,7 +56,7 @@ def run_cases(function, axes, **how):
 ONE = {"a": [1], "b": [1]}
 
 
-# Cases for other processes live in a module that these can import; each run leaves a
+# Cases for other processes are in a module that these can import; each run leaves a
 # line in a file.
 MODULE = """
 import os, signal, time
@@ -78,7 +78,7 @@ LOGGED_AXES = {"a": range(12), "b": [0.0, 1.0, 2.0, 3.0, 4.0]}
 
 
 def at_once(monkeypatch):
-    """Write every result as it comes, small batches: tests stop at given counts."""
+    """Write every result as it comes, in small batches: tests stop at given counts."""
     monkeypatch.setattr(_table, "EVERY", 0.0)
     monkeypatch.setattr(_run, "SECONDS", 0.0)
 
@@ -107,7 +107,7 @@ def runs(tmp_path):
 
 
 def test_axes_become_dimensions_of_one_dataset():
-    """A value is what its case alone gives, with a seed that nothing else decides."""
+    """A value is that of its case run alone, with a seed that nothing else changes."""
     wide = run_cases(case, AXES)
     assert dict(wide["sum"].sizes) == {"stiffness": 3, "velocity": 7, "start": 2}
     at = {"stiffness": 2.0, "velocity": AXES["velocity"][3].item(), "start": "sliding"}
@@ -124,7 +124,7 @@ def test_axes_become_dimensions_of_one_dataset():
     places = itertools.product(np.linspace(0, 1, 20).tolist(), "xyz")
     keys = [case_key({"a": a, "b": b}) for a, b in places]
     assert len({case_seed(seed, key) for seed in range(5) for key in keys}) == 300
-    # as an axis it is the user's own
+    # as an axis the seed is the user's
     given = run_cases(lambda seed: {"given": seed}, {"seed": [5, 6]})
     assert given["given"].values.tolist() == [5, 6]
 
@@ -177,7 +177,7 @@ def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp
 # ------------------------------------------------------- errors of cases, and the store
 
 
-# state that a function changes is kept outside of it: what it holds is part of the case
+# a function's state is kept outside of it: objects that it holds are part of the case
 COUNT = Counter()
 BROKEN = threading.Event()
 BEGUN = threading.Event()
@@ -235,7 +235,7 @@ def test_what_a_case_must_not_return_is_its_error():
 
 @contextmanager
 def changing(store):
-    """Change a store behind the back of the sweep."""
+    """Change a store while the sweep does not look."""
     with closing(sqlite3.connect(store)) as connection, connection:
         yield connection
 
@@ -253,7 +253,7 @@ def stop_after(count):
 
 
 def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
-    """Also with other values on the axes; a reader is told how far it is."""
+    """Also with other values on the axes; a reader sees how far the sweep is."""
     store = tmp_path / "s.sqlite"
     log = tmp_path / "runs.log"
     lines = []
@@ -291,7 +291,7 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
     xr.testing.assert_identical(found, open_sweep(store))
     expected = run_cases(cases.logged, wide).drop_attrs()
     xr.testing.assert_identical(found.drop_attrs(), expected)
-    # rows are lost: it is not done, and gets them back
+    # rows were deleted: the sweep is not done, and computes them again
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%9%'")
     assert summary(open_sweep(store)).missing == status_of(store).summary.missing == 2
@@ -306,7 +306,7 @@ def closing_over(k):
 
 
 def test_a_study_is_its_name_and_version_and_nothing_is_guessed(tmp_path):
-    """Finished cases are those of the name and the version, whatever the function."""
+    """Finished cases belong to the name and version, whatever the function."""
     same = {"axes": {"x": [1.0, 2.0]}, "store": tmp_path / "s.sqlite"}
 
     def found(k, **other):
@@ -354,7 +354,7 @@ def contents(folder):
 
 
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
-    """Of a store that is damaged nothing is trusted, either."""
+    """Nothing of a damaged store is trusted either."""
     notes = "mine, and long enough to be looked at as a database might be " * 20
     (tmp_path / "notes.txt").write_text(notes)
     (tmp_path / "photos").mkdir()
@@ -407,7 +407,7 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
 
 
 def ran(script, directory):
-    """What a script of its own says."""
+    """Return the output of a script run in a process of its own."""
     path = directory / "script.py"
     path.write_text(textwrap.dedent(script))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -416,8 +416,8 @@ def ran(script, directory):
 
 
 def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tmp_path):
-    # A limit on the size of files stands for the full disk: the writes fail in the
-    # kernel, half way.
+    # A limit on file sizes replaces a full disk: writes fail in the operating system,
+    # half way.
     script = f"""
         import resource
         from stickslip.errors import InputError
@@ -485,7 +485,7 @@ UNIT = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
 
 
 def refine(function, plane, **how):
-    """A search for where the side changes."""
+    """Search where the side changes."""
     names = {"store", "executor", "progress"} & how.keys()
     options = {name: how.pop(name) for name in names}
     refinement = ss.sweep.Refinement(**{"label": "side", **how})
@@ -499,17 +499,17 @@ def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs(
     away = found["x_at"].values[:, None] - t
     above = found["y_at"].values[:, None] - 0.25 - 0.5 * t * t
     off = np.hypot(away, above)
-    # half of the resolution asked for: cells of a grid of 40 x 40
+    # half of the requested resolution, the cells of a grid of 40 x 40
     assert off.min(axis=1).max() <= 1 / 80
-    assert off.min(axis=0).max() < 0.06  # and no part of it is left out
+    assert off.min(axis=0).max() < 0.06  # and no part of the curve is missing
     error = np.hypot(found["x_error"], found["y_error"]).values
     assert (off.min(axis=1) <= error + 1e-12).all()
-    # all else that the function returns is there
+    # other results of the function are there
     np.testing.assert_array_equal(found["height"], found["y"])
 
 
 def test_refinement_is_the_same_for_any_number_of_workers():
-    """Cases that fail are left out of the search."""
+    """The search ignores cases that fail."""
 
     def patchy(x, y, seed):
         if x > 0.8:
@@ -571,54 +571,54 @@ def closed():
     return pool
 
 
-REFUSED = r"""
-run_cases(product, {})
-    must map at least one name
-run_cases(product, "x")
-    must be a mapping
-run_cases(product, {"a": [], "b": [1]})
-run_cases(product, {"a": "text", "b": [1]})
-run_cases(product, {"a": [1, 1], "b": [1]})
-run_cases(product, {"a": [1, "x"], "b": [1]})
-run_cases(product, {"a": [2**53 + 1, 1.5], "b": [1]})
-run_cases(product, {"a": [1.0, float("nan")], "b": [1]})
-run_cases(product, {"a": [object()], "b": [1]})
-run_cases(product, {"a": [[1], [2]], "b": [1]})
-    axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once
-run_cases(product, {"a": [1], "b/c": [1]})
-    cannot be a name
-run_cases(product, {"a": [1], "error": [1]})
-    is taken
-run_cases(product, dict.fromkeys("ab", range(2000)))
-    4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set
-run_cases(product, ONE, executor=4)
-    executor = 4: must be Threads\(n\)
-ss.sweep.Threads(0)
-    Threads\.workers = 0: must be
-run_cases(product, ONE, executor=closed())
-    takes no more cases
-run_cases(closing_over(2), {"x": [1]}, executor=ss.sweep.Processes(1))
-    NamedStudy\.run, some study: cannot be sent .* process .*use Threads
-ss.sweep.run_study(product, ONE)
-    study = .*: must be a NamedStudy
-summary(xr.Dataset())
-    must be the result of a sweep
-refine(parabola, UNIT | {"x": [1]})
-    plane of two parameters
-run_cases(parabola, UNIT)
-    axes\.x\.count: is missing
-Span(low=1, high=0)
-    Span\.high = 0: must be
-Span(low=0, high=1, log=True)
-    Span\.low = 0: must be
-ss.sweep.Refinement(runs=3)
-    runs = 3: must be
-refine(parabola, UNIT, runs=16, label="colour")
-    label = 'colour': is none of the names under
-"""
+REFUSED = (
+    lambda: run_cases(product, {}),
+    "must map at least one name",
+    lambda: run_cases(product, "x"),
+    "must be a mapping",
+    lambda: run_cases(product, {"a": [], "b": [1]}),
+    lambda: run_cases(product, {"a": "text", "b": [1]}),
+    lambda: run_cases(product, {"a": [1, 1], "b": [1]}),
+    lambda: run_cases(product, {"a": [1, "x"], "b": [1]}),
+    lambda: run_cases(product, {"a": [2**53 + 1, 1.5], "b": [1]}),
+    lambda: run_cases(product, {"a": [1.0, float("nan")], "b": [1]}),
+    lambda: run_cases(product, {"a": [object()], "b": [1]}),
+    lambda: run_cases(product, {"a": [[1], [2]], "b": [1]}),
+    r"axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once",
+    lambda: run_cases(product, {"a": [1], "b/c": [1]}),
+    "cannot be a name",
+    lambda: run_cases(product, {"a": [1], "error": [1]}),
+    "is taken",
+    lambda: run_cases(product, dict.fromkeys("ab", range(2000))),
+    r"4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set",
+    lambda: run_cases(product, ONE, executor=4),
+    r"executor = 4: must be Threads\(n\)",
+    lambda: ss.sweep.Threads(0),
+    r"Threads\.workers = 0: must be",
+    lambda: run_cases(product, ONE, executor=closed()),
+    "takes no more cases",
+    lambda: run_cases(closing_over(2), {"x": [1]}, executor=ss.sweep.Processes(1)),
+    r"NamedStudy\.run, some study: cannot be sent .* process .*use Threads",
+    lambda: ss.sweep.run_study(product, ONE),
+    "study = .*: must be a NamedStudy",
+    lambda: summary(xr.Dataset()),
+    "must be the result of a sweep",
+    lambda: refine(parabola, UNIT | {"x": [1]}),
+    "plane of two parameters",
+    lambda: run_cases(parabola, UNIT),
+    r"axes\.x\.count: is missing",
+    lambda: Span(low=1, high=0),
+    r"Span\.high = 0: must be",
+    lambda: Span(low=0, high=1, log=True),
+    r"Span\.low = 0: must be",
+    lambda: ss.sweep.Refinement(runs=3),
+    "runs = 3: must be",
+    lambda: refine(parabola, UNIT, runs=16, label="colour"),
+    "label = 'colour': is none of the names under",
+)
 
 
-@refused(REFUSED, globals())
+@refused(*REFUSED)
 def test_what_cannot_be_run_is_refused(tmp_path, monkeypatch, call, message):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):

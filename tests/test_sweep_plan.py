@@ -1,6 +1,4 @@
-"""Sweeps from the shell: files that an engineer writes, one line for every mistake,
-results that survive a kill.
-"""
+"""Sweeps from the shell: plan files, one line for every mistake, killed sweeps."""
 
 import json
 import os
@@ -64,7 +62,7 @@ def changed(path, value, document=NATURAL):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """How often each rig was run."""
+    """Count how often each rig was run."""
     count = Counter()
     real = study.simulate
 
@@ -86,7 +84,7 @@ def written(tmp_path, document=NATURAL, name="sweep.toml"):
 
 
 def again(plan):
-    """The plan as it comes back from results."""
+    """Return the plan as read back from results."""
     return plan_of(xr.Dataset(attrs={"sweep": json.dumps(encode(plan))}))
 
 
@@ -205,7 +203,7 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
     assert run("sweep", file, "--store", tmp_path / "s.sqlite") == 0
     assert capsys.readouterr().out.strip().splitlines()[-1] == "12 of 12 cases done"
     result = open_plan(tmp_path / "s.sqlite")
-    assert {"travel", "slips"}.isdisjoint(result)  # not asked for, but kept
+    assert {"travel", "slips"}.isdisjoint(result)  # not requested, but kept
     assert {"travel", "slips"} <= set(open_sweep(tmp_path / "s.sqlite"))
     assert len(np.unique(result["seed"])) == 12
     for start, of_start in (("from rest", FromRest()), ("sliding", FromSliding())):
@@ -281,7 +279,7 @@ def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
 
 @pytest.mark.slow
 def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, counted):
-    """Of a grid, and of a refinement: each is kept, drawn and gone on with."""
+    """For a grid and for a refinement: each is kept, drawn and continued."""
     span = {"from": 0.5, "to": 8.0, "spacing": "log"}
     plane = {"stiffness": span, "velocity": span | {"from": 0.1, "to": 1.0}}
     plane["start"] = ["from rest", "sliding"]
@@ -321,7 +319,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     assert lines[-1] == "4 of 6 cases done, 2 failed"
     told, _ = (line for line in lines if line.startswith("failed: "))
     assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told
-    assert run("sweep", file, "--store", store, "--json") == 1  # it still says so
+    assert run("sweep", file, "--store", store, "--json") == 1  # and says so again
     failure = json.loads(capsys.readouterr().out)["failures"][1]
     assert failure["parameters"] == {"std": -0.1, "velocity": 1.0}
     nowhere = tmp_path / "no"
@@ -337,7 +335,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
         ((file, "--store", store, "--workers", 0), "Threads.workers = 0"),
     ):
         assert words in refused(capsys, "sweep", *arguments)
-    xr.testing.assert_identical(open_sweep(store), before)  # no refusal touched it
+    xr.testing.assert_identical(open_sweep(store), before)  # not touched
 
 
 def test_a_scheduler_that_is_not_there(tmp_path, capsys):
@@ -441,7 +439,7 @@ def start_command(file, store, *options):
 
 
 def finished(store):
-    """Cases that count as finished."""
+    """Return the number of finished cases."""
     try:
         done = np.argwhere(open_sweep(store)["status"].values != 0)
         return set(map(tuple, done.tolist()))
@@ -458,7 +456,7 @@ def wait_for(condition, process, seconds=120.0):
 
 
 def children_of(pid):
-    """Worker processes of a command."""
+    """Return the worker processes of a command."""
     tasks = Path(f"/proc/{pid}/task").glob("*/children")
     found = (
         Path(f"/proc/{child}") for task in tasks for child in task.read_text().split()
@@ -504,7 +502,7 @@ def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options
     while any(os.path.exists(f"/proc/{pid}") for pid in children):
         assert time.monotonic() < deadline, "workers outlive their sweep"
         time.sleep(0.1)
-    counted.clear()  # go on: the same results, and what was missing is run, each once
+    counted.clear()  # continue: the same results, with each missing case run once
     assert run("sweep", file, "--store", store) == 0
     assert sum(counted.values()) == len(counted) == 60 - len(kept)
     xr.testing.assert_identical(open_plan(store), expected)
@@ -538,7 +536,7 @@ def test_a_cluster_survives_the_loss_of_a_worker(tmp_path, expected, monkeypatch
 
 
 def blocks_of(page, language):
-    """Code blocks of a page; the first line names the file of those that have one."""
+    """Return the code blocks of a page; a first line may name their file."""
     text = (ROOT / "docs" / "howto" / page).read_text()
     return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
 

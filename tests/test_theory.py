@@ -1,4 +1,4 @@
-"""Closed forms, beside quadrature and beside the limits they are good for."""
+"""Closed forms against quadrature and against their limits."""
 
 import math
 from dataclasses import replace
@@ -29,7 +29,7 @@ def test_kinetic_friction_falls_by_the_share_of_attached_contacts(std, expected)
 
 @pytest.mark.eq(10)
 def test_attached_fraction():
-    # vbar = xbar/tau_d = 5: half of the contacts are attached there
+    # at vbar = xbar/tau_d = 5 half of the contacts are attached
     assert attached_fraction(FIG4.interface, 5.0) == pytest.approx(0.5, rel=1e-12)
     assert attached_fraction(FIG4.interface, 0.0) == 1.0
     delay = ss.RandomDelay(mean=0.2, std=0.12)
@@ -66,7 +66,7 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
     thresholds = FIG4.interface.thresholds
     interface = ss.Interface(thresholds=thresholds, initial=NARROW, delay=ss.Delay(0.2))
     aged = ss.kinetic_friction(interface, 0.5)
-    # Growth that has ended before anything happens, and growth that never begins.
+    # Growth that ends before any break, and growth that never begins.
     for ageing in (
         ss.ExponentialGrowth(rate=1e6),
         ss.LogarithmicGrowth(slope=0.0, time=1.0),
@@ -102,16 +102,16 @@ def test_critical_stiffness_estimate():
 
 @pytest.mark.eq(12)
 def test_slip_displacement_solves_the_oscillator_to_its_order():
-    # Eq. (12) is the start of v t + (v/Omega)(sinh - Omega t), a slider pushed by K
-    # times what it has run ahead
+    # Eq. (12) is the start of v t + (v/Omega)(sinh - Omega t): a slider pushed by K
+    # times its lead over the drive
     slider = FIG4.slider
     v = 2.0
     t = np.linspace(0, 0.3, 7) / slider.frequency
     exact = v / slider.frequency * np.sinh(slider.frequency * t)
     found = slip_displacement(slider, v, t)
     assert found == pytest.approx(exact, rel=0.3**4 / 120 * 1.1)
-    # both readings: the drive's velocity as printed, or the slider's own; the formula
-    # is linear in it
+    # both readings: the drive's velocity, as printed, or the slider's; the formula is
+    # linear in it
     expected = 3.5 * slip_displacement(slider, 1.0, 0.005)
     assert slip_displacement(slider, 3.5, 0.005) == pytest.approx(expected)
     with pytest.raises(ss.InputError, match="mass"):

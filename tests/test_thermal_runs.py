@@ -1,4 +1,4 @@
-"""Contacts that break by heat, N or infinitely many; velocity steps and holds."""
+"""Thermally activated contacts, N or infinitely many; velocity steps and holds."""
 
 import math
 
@@ -51,7 +51,7 @@ COHORTS = {
     "parabolic": (narrow(ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0),
     "parabolic, hot": (narrow(ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0),
 }
-"""Interfaces that both solvers take, and velocities."""
+"""Interfaces that both solvers accept, and velocities."""
 ONE_BY_ONE = {}
 for name, heat in BARRIERS.items():
     ONE_BY_ONE[f"noise, {name}"] = (noisy(heat, delay=0.2), 2.0, 0.25, 0.5, 2_000)
@@ -63,13 +63,11 @@ for heat in (None, LOW):
     fresh, site = of_areas(False, heat), of_areas(True, heat)
     ONE_BY_ONE[f"areas, fresh, {heat}"] = (fresh, 1.0, 0.9, 1.0, 20_000)
     ONE_BY_ONE[f"areas, site, {heat}"] = (site, 1.0, 0.6, 6.0, 20_000)
-"""Those that contacts alone take: interface, velocity, largest scatter of a force,
-the way in which it is forgotten.
-"""
+"""Interface, velocity, bound of a contact's force scatter, correlation length."""
 
 
 def slide(interface, velocity, method, distance):
-    """Friction force on the way of a rigid slider that starts in steady sliding."""
+    """Friction force on a rigid slider that starts in steady sliding."""
     times = np.linspace(0.0, distance / velocity, 201)
     drive = ss.constant(velocity, times[-1])
     return rigidly(interface, method, drive, times)["friction_force"]
@@ -89,8 +87,8 @@ def test_cohorts_slide_with_the_steady_force(name):
 
 @pytest.mark.parametrize("name", lasting([*COHORTS, *ONE_BY_ONE], "noise"))
 def test_contacts_slide_with_the_steady_force(name):
-    # The force of one contact has a standard deviation of .3 at most, and forgets
-    # within a length of .5.
+    # The force of one contact has a standard deviation of .3 at most, and a correlation
+    # length of .5.
     usual = 0.3, 0.5, 5_000
     both = COHORTS | ONE_BY_ONE
     interface, velocity, scatter, forgets, count = (*both[name], *usual)[:5]
@@ -131,11 +129,11 @@ STOP_AND_BACK = ss.constant(0.0, 10.0).then(ss.constant(-1.0, 1.5))
 THERE_AND_BACK = ss.constant(1.0, 1.5).then(STOP_AND_BACK)
 
 
-# where it is wide most break as they attach, and 1e-7 takes many steps
+# with a wide one most contacts break as they attach, and 1e-7 takes many steps
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NOT_FIXED)
 def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
-    """By the root mean square over a run, at a temperature or with growth."""
+    """As a root mean square over a run, with activation or with growth."""
     interface = narrow(**{"activation": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=20.0, mass=1e-3, damping=50.0)
     rig = ss.Rig(interface, slider, THERE_AND_BACK, output=ss.Output(interval=0.02))
@@ -149,7 +147,7 @@ def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
 
 
 def test_contacts_of_one_area_are_contacts():
-    """Of area 1 all: the same run as without areas, by the engine that knows none."""
+    """With all areas 1: the same run as without areas, by the engine without them."""
     one = ss.Gaussian(mean=1.0, std=0.0)
     slider = ss.Slider(stiffness=2.0, mass=1e-2, damping=20.0)
     drive = ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5))
@@ -209,7 +207,7 @@ def test_a_velocity_step(interface, rise, end):
     run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
     step = int(np.argmin(np.abs(run.time.to_numpy())))
     assert (run.time[step].item(), run.displacement[step].item()) == (0.0, 0.0)
-    # a twentieth of the way, at the speed before
+    # over a twentieth of the distance, at the speed before
     assert np.diff(run.time[: step + 1]) == pytest.approx(0.3 / step)
     force = (run.friction_force - float(run.friction_force[step])) / math.log(10)
     assert float(force.max()) == pytest.approx(rise, rel=0.01)
@@ -241,11 +239,11 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
     error = 2e-5 if interface.activation is None else 1.5e-4
     assert float(force[0]) == pytest.approx(steady, abs=error)
     contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4))
-    # Stretchings scatter by .36, and the lives at the start are drawn from four times
-    # as many: .36 sqrt(5/4).
+    # Stretchings scatter by .36, and the initial lives are drawn from four times as
+    # many: .36 sqrt(5/4).
     away = float(np.abs(contacts.friction_force - force).max())
     assert away < 4 * 0.4 / math.sqrt(40_000)
-    if spring:  # in balance all the way: the spring's force is the friction force
+    if spring:  # in equilibrium throughout: the spring force is the friction force
         way = np.where(cohorts.time > 0, 10.0, 1.0) * cohorts.time
         pull = 0.1 * (way - cohorts.displacement)
         np.testing.assert_allclose(pull - pull[0], force - force[0], atol=2e-6)
@@ -303,7 +301,7 @@ def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequenc
     late = ss.velocity_step(LT, **step, stiffness=stiffness).sel(time=slice(6.0, None))
     interval = float(late.time[1] - late.time[0])
     found = oscillations(late.friction_force.to_numpy(), interval)
-    # on a unit of the way
+    # in a unit of displacement
     found = found[np.argmin(np.abs(found - complex(growth, frequency)))] / 1.003
     assert found.real == pytest.approx(growth, abs=0.001)
     assert found.imag == pytest.approx(frequency, rel=0.001)
@@ -329,7 +327,7 @@ def test_a_rig_has_its_own_units():
 
 
 def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
-    """All are detached for hundreds of widths: the clocks have to come along."""
+    """All contacts are detached for hundreds of widths: the clocks must follow."""
     fields = {"delay": ss.Delay(0.5), "activation": ss.Bell(width=0.01, attempts=1e4)}
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), **fields)
     slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
@@ -343,7 +341,7 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
 
 
 def test_what_breaks_by_heat_at_rest_pulls_neither_way():
-    """Detached contacts pull only once the slider moves; at rest both ways alike."""
+    """Detached contacts carry a force only once the slider moves."""
     interface = ss.Interface(
         thresholds=NARROW,
         initial=ss.Uniform(low=-0.5, high=0.5),
@@ -356,5 +354,5 @@ def test_what_breaks_by_heat_at_rest_pulls_neither_way():
     how = {"method": ss.Contacts(4_000, seed=1), "output": ss.Output(interval=0.05)}
     run = ss.simulate(rig, start=ss.FromRest(), **how)
     assert float(run["attached"].min()) < 0.2
-    # Stretchings scatter by less than .5, over the root of the number.
+    # Stretchings scatter by less than .5 over the root of the number.
     assert np.abs(run["friction_force"].to_numpy()).max() < 4 * 0.5 / np.sqrt(4_000)

@@ -1,5 +1,5 @@
-"""Turn the record of `make bench` into tables of ratios, and put them into pages; 1 if
-a promise is broken.
+"""Turn the results of `make bench` into tables of ratios, and write them into pages;
+return 1 if a promise is broken.
 
 Usage: python tools/bench_table.py BENCHMARK.json [PAGE.md ...]
 """
@@ -17,8 +17,8 @@ NOT_MET = "**not met**"
 
 
 def tables(record: dict[str, Any]) -> dict[str, str]:
-    """Return the table of fast paths beside the plain loops of their groups, and that
-    of what runs cost, by name.
+    """Return two tables: fast paths compared with the plain loops of their groups, and
+    the costs of runs, by name.
 
     A benchmark has a `role`: "plain" is the reference of its group, "fast" is
     `promised` times as quick at least, "cost" `promised` times as long at most.
@@ -71,7 +71,7 @@ def _least(item: dict[str, Any]) -> float:
 
 
 def seconds(value: float) -> str:
-    """Return a time in words, with three digits."""
+    """Return a time as text with a unit, to three digits."""
     unit, name = next(
         (pair for pair in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if value >= pair[0]),
         (1e-9, "ns"),
@@ -88,9 +88,7 @@ def insert(text: str, role: str, found: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Print the tables; write them into the pages named, where these have marks for
-    them.
-    """
+    """Print the tables; write them into the named pages that have marks for them."""
     if not arguments:
         print(__doc__, file=sys.stderr)
         return 2

@@ -1,9 +1,9 @@
-"""Which definitions of a package use which others, by name: what a change to one of
-them can reach.
+"""Which definitions of a package use which others, by name: what a change of one of
+them can affect.
 
 A name is followed through ``from package.module import name`` and
-``from package import module``, at the top of a module or inside a function; who hands a
-whole module on may use all of it. Methods are not followed.
+``from package import module``, at the top of a module or inside a function. A function
+that passes on a whole module may use all of it. Methods are not followed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Name = tuple[str, str]
 
 
 class Callers:
-    """The definitions of a package and who uses them, and at which lines.
+    """The definitions of a package, what uses them, and on which lines.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ class Callers:
                             self._users[used].add((module, name))
 
     def at(self, file: Path, line: int) -> set[Name]:
-        """Return the definition at a line of a module; all of the module if the line
-        stands outside of each.
+        """Return the definition at a line of a module; the whole module if the line is
+        outside all definitions.
         """
         found = {
             name for first, last, name in self._spans[file] if first <= line <= last
@@ -72,8 +72,8 @@ class Callers:
         return found or {name for _, _, name in self._spans[file]}
 
     def reached(self, changed: set[Name]) -> set[Name]:
-        """Return what uses one of these definitions, itself or through others, and
-        these definitions.
+        """Return these definitions and all that use one of them, directly or through
+        others.
         """
         found = set(changed)
         open_ = list(changed)
@@ -85,7 +85,7 @@ class Callers:
         return found
 
     def lines(self, names: set[Name]) -> set[tuple[Path, int]]:
-        """Return the lines at which one of these definitions is used."""
+        """Return the lines on which one of these definitions is used."""
         return {
             place
             for module, name in names
@@ -114,8 +114,8 @@ def _defined(node: ast.stmt) -> list[str]:
 def _imported(
     nodes: list[ast.stmt], package: str, modules: set[str]
 ) -> dict[str, Name]:
-    """Return what the imports among these statements call what; a whole module has
-    an empty name.
+    """Return the definition that each imported name refers to, for the imports among
+    these statements; for a whole module the definition's name is empty.
     """
     found: dict[str, Name] = {}
     for node in nodes:
@@ -135,7 +135,7 @@ def _imported(
 def _used(
     node: ast.AST, known: dict[str, Name], package: str, modules: set[str]
 ) -> list[tuple[Name, int]]:
-    """Return the definitions used in a statement, each with the line."""
+    """Return the definitions used in a statement, each with its line."""
     found: list[tuple[Name, int]] = []
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         known = known | _imported(

@@ -1,9 +1,9 @@
 """Find or install a browser for the tests that need one: `python tools/chromium.py`,
 called by `make browser`.
 
-A chromium of the system comes first, then the one that playwright downloads, then
-Debian's package where this user may install it. Without any, the tests that need one
-are skipped, and the last line of the run says so.
+A chromium of the system is preferred, then the one that playwright downloads, then
+Debian's package if this user may install it. Without any, the tests that need one are
+skipped, and the last line of the run says so.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def find() -> str | None:
 
 
 def install() -> None:
-    """Try playwright's download, then Debian's package; both may be out of reach."""
+    """Try playwright's download, then Debian's package; both may be unavailable."""
     commands = [[sys.executable, "-m", "playwright", "install", "chromium"]]
     if shutil.which("apt-get") and os.geteuid() == 0:
         commands += [

@@ -1,10 +1,10 @@
-"""Every equation of the paper that the code cites has a test, and every tested equation
-is cited.
+"""Check that every equation of the paper that the code cites has a test, and that every
+tested equation is cited.
 
 A citation is ``Eq. (8)``, ``Eqs. (1)-(4)`` or ``Eqs. (1), (3) and (8)`` anywhere in
-``src/**/*.py``; a test in ``tests/`` or ``verification/`` says ``@pytest.mark.eq(8)``,
-alone or as part of ``pytestmark``. One line for each equation that has only one of the
-two, and exit status 1.
+``src/**/*.py``; a test in ``tests/`` or ``verification/`` has the mark
+``@pytest.mark.eq(8)``, alone or as part of ``pytestmark``. Prints one line for each
+equation that has only one of the two, with exit status 1.
 
     python tools/equations.py [ROOT]
 """
@@ -16,10 +16,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-LAST = 18  # of the paper
+LAST = 18  # the last equation of the paper
 
-# Between the words of a citation: blanks, line ends, and the comment sign where it runs
-# over two lines.
+# Between the words of a citation: blanks, line ends, and comment signs of continued
+# lines.
 _GAP = r"[\s#]*"
 _HEAD = re.compile(rf"\b(?:Eqs?\.|Equations?\b)(?={_GAP}\(?{_GAP}\d)", re.IGNORECASE)
 _NUMBER = re.compile(rf"{_GAP}\({_GAP}(\d+){_GAP}\)")
@@ -31,9 +31,7 @@ _AND = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Mention:
-    """An equation named at a place; ``number`` is None where the place cannot be
-    read.
-    """
+    """An equation cited at a place; ``number`` is None if it cannot be read."""
 
     number: int | None
     path: str
@@ -45,7 +43,7 @@ class Mention:
 
 
 def citations(text: str, path: str) -> Iterator[Mention]:
-    """Equations cited in a source text, ranges written out."""
+    """Yield the equations cited in a source text, with ranges expanded."""
     for head in _HEAD.finditer(text):
         line = text.count("\n", 0, head.start()) + 1
         numbers = _listed_numbers(text, head.end())
@@ -56,8 +54,8 @@ def citations(text: str, path: str) -> Iterator[Mention]:
 
 
 def _listed_numbers(text: str, position: int) -> list[int]:
-    """Numbers of the list ``(a), (b)-(c) and (d)`` that starts at a position; empty
-    where none does.
+    """Return the numbers of the list ``(a), (b)-(c) and (d)`` that starts at a
+    position; none if there is no list.
     """
     numbers: list[int] = []
     in_range = False
@@ -76,7 +74,7 @@ def _listed_numbers(text: str, position: int) -> list[int]:
 
 
 def marks(text: str, path: str) -> Iterator[Mention]:
-    """Equations named by ``pytest.mark.eq(...)`` in a test file."""
+    """Yield the equations named by ``pytest.mark.eq(...)`` in a test file."""
     nodes = list(ast.walk(ast.parse(text, filename=path)))
     calls = [
         node for node in nodes if isinstance(node, ast.Call) and _is_eq_mark(node.func)
@@ -93,7 +91,7 @@ def marks(text: str, path: str) -> Iterator[Mention]:
 
 
 def _is_eq_mark(node: ast.AST) -> bool:
-    """Whether the node is ``pytest.mark.eq`` or ``mark.eq``."""
+    """Return whether the node is ``pytest.mark.eq`` or ``mark.eq``."""
     if not (isinstance(node, ast.Attribute) and node.attr == "eq"):
         return False
     owner = node.value
@@ -103,14 +101,14 @@ def _is_eq_mark(node: ast.AST) -> bool:
 
 
 def _integer(node: ast.expr) -> int | None:
-    """Value of an integer literal, None for anything else."""
+    """Return the value of an integer literal, None for anything else."""
     if isinstance(node, ast.Constant) and type(node.value) is int:
         return node.value
     return None
 
 
 def cited_in(root: Path) -> list[Mention]:
-    """Citations of all sources below ``root/src``."""
+    """Return the citations in all sources below ``root/src``."""
     return [
         mention
         for path, text in _python_files(root, "src")
@@ -119,7 +117,7 @@ def cited_in(root: Path) -> list[Mention]:
 
 
 def tested_in(root: Path) -> list[Mention]:
-    """Marks of all tests below ``root/tests`` and ``root/verification``."""
+    """Return the marks of all tests below ``root/tests`` and ``root/verification``."""
     return [
         mention
         for folder in ("tests", "verification")
@@ -134,8 +132,8 @@ def _python_files(root: Path, folder: str) -> Iterator[tuple[str, str]]:
 
 
 def complaints(cited: Sequence[Mention], tested: Sequence[Mention]) -> list[str]:
-    """One line for each equation that breaks the rule, and for each mention that
-    cannot be read.
+    """Return one line for each equation that breaks the rule, and for each citation
+    that cannot be read.
     """
     lines = []
     for mention in cited:
@@ -181,8 +179,8 @@ def _first_of_each(mentions: Sequence[Mention]) -> dict[int, Mention]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Check the tree at the given root (default: where this project lies) and return
-    the exit status.
+    """Check the tree at the given root (default: this project) and return the exit
+    status.
     """
     root = Path(arguments[0]) if arguments else Path(__file__).resolve().parents[1]
     cited = cited_in(root)

@@ -1,8 +1,8 @@
-"""Run the property tests of tests/test_fuzz.py with ever other examples:
-`python tools/fuzz.py MINUTES [SEED]`.
+"""Run the property tests of tests/test_fuzz.py with new examples each time: `python
+tools/fuzz.py MINUTES [SEED]`.
 
-Each round has a seed of its own, which is printed; the same seed tries the same
-examples again.
+Each round has its own seed, which is printed; the same seed tries the same examples
+again.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import sys
 import time
 
 EXAMPLES = 100
-"""Of each property in a round."""
+"""Examples of each property in a round."""
 LONGEST = 1800
 """Seconds that a round may take before it counts as hanging."""
 
 
 def main(minutes: float, seed: int) -> int:
-    """Run rounds until the time is over or one fails; return the exit code."""
+    """Run rounds until the time is up or one fails; return the exit code."""
     end = time.monotonic() + 60.0 * minutes
     while time.monotonic() < end:
         print(f"seed {seed}", flush=True)

@@ -34,7 +34,7 @@ WHY_NOT = (
     else "playwright is not installed"
 )
 FLAGS = (
-    "--no-sandbox",  # chromium as root, as in CI, has none
+    "--no-sandbox",  # chromium has no sandbox as root, as in CI
     "--disable-gpu",
     "--disable-quic",
     "--no-first-run",
@@ -44,13 +44,13 @@ FLAGS = (
     "--disable-dev-shm-usage",
 )
 PATIENCE = 120_000
-"""Milliseconds that a page is waited for: on a slow machine that does other work
-besides, kernels compile in them.
+"""Longest wait for a page, in milliseconds: on a slow, busy machine kernels compile in
+that time.
 """
 _START = "import sys; from stickslip.cli import main; sys.exit(main(sys.argv[1:]))"
 
-# Sets an input as a person does, and waits until the trace is on the screen: the page's
-# own clock, in ms.
+# Sets an input as a person does, and waits until the trace is drawn; the time is that
+# of the page's own clock, in ms.
 MOVE = """
 ([selector, value]) => new Promise((resolve, reject) => {
   const input = document.querySelector(selector);
@@ -93,7 +93,7 @@ class Server:
         return "/" + self.url.split("/", 3)[3]
 
     def processes(self) -> list[int]:
-        """The server and the processes that compute for it."""
+        """Return the server and its worker processes."""
         parents = {}
         for status in Path("/proc").glob("[0-9]*/stat"):
             with suppress(OSError):
@@ -106,7 +106,7 @@ class Server:
         return found
 
     def memory(self) -> float:
-        """Memory of all of them, in MB; what they share is counted once."""
+        """Return their memory in MB, with shared memory counted once."""
         total = 0.0
         for pid in self.processes():
             with suppress(OSError):
@@ -121,7 +121,7 @@ class Server:
 
 @contextmanager
 def server(*arguments: str) -> Iterator[Server]:
-    """Start the explorer as a user does, on any free port."""
+    """Start the explorer as a user does, on a free port."""
     command = [
         sys.executable,
         "-c",
@@ -158,7 +158,7 @@ def server(*arguments: str) -> Iterator[Server]:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
-    # A server prints its address and what it shares; anything after that is a fault.
+    # A server prints its address and the shared link; any further output is an error.
     reader.join(5)
     printed = "".join(lines).removeprefix(f"{explorer.EXPOSED}\n")
     assert not printed, "the server printed: " + printed
@@ -166,7 +166,7 @@ def server(*arguments: str) -> Iterator[Server]:
 
 
 class Session:
-    """One window without a browser."""
+    """A session of the explorer without a browser."""
 
     def __init__(self, websocket: Any) -> None:
         self.websocket = websocket
@@ -174,7 +174,7 @@ class Session:
         assert json.loads(websocket.recv(timeout=60))["kind"] == "hello"
 
     def send(self, message: str | bytes) -> dict[str, Any]:
-        """Send anything; return the last answer to it."""
+        """Send any message; return the last answer to it."""
         self.websocket.send(message)
         while True:
             answer: dict[str, Any] = json.loads(self.websocket.recv(timeout=60))
@@ -200,7 +200,7 @@ def session(server: Server) -> Iterator[Session]:
         "max_size": None,
         "open_timeout": 30,
     }
-    # A test that does not read answers no pings either.
+    # A test that does not read does not answer pings either.
     with connect(f"ws://{host}session", ping_interval=None, **options) as websocket:
         yield Session(websocket)
 
@@ -220,8 +220,8 @@ def browser() -> Iterator[Browser]:
 def window(
     browser: Browser, server: Server, fragment: str = "", **options: Any
 ) -> Iterator[Page]:
-    """Open the app in a window of its own; it must ask no other host for anything
-    and log no error.
+    """Open the app in a window of its own; it must contact no other host and log no
+    error.
     """
     context = browser.new_context(
         **{
@@ -259,7 +259,7 @@ def window(
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
     page.wait_for_selector("#field-slider-stiffness", state="attached")
-    if page.is_visible("#waiting"):  # what comes with a link is computed on a click
+    if page.is_visible("#waiting"):  # a rig from a link is computed after a click
         page.click("#go")
     page.wait_for_selector("#friction:has-text('F')", state="attached")
     yield page

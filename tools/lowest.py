@@ -1,10 +1,10 @@
 """Print the lowest versions that pyproject.toml allows, as a constraints file for pip.
 
-    python tools/lowest.py > lowest.txt && pip install -c lowest.txt -e
-    '.[sweep,explorer,traces]'
+    python tools/lowest.py > lowest.txt
+    pip install -c lowest.txt -e '.[sweep,explorer,traces]'
 
-A bound is a promise; an environment of lowest versions, in which the tests run, keeps
-it (`make lowest`).
+`make lowest` runs the tests in an environment of these versions, so that the lower
+bounds are true.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from packaging.requirements import Requirement
 
 PROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
 EXTRAS = ("sweep", "explorer", "traces")
-"""Extras that users install; tools of development may be new."""
+"""Extras that users install; development tools may be newer."""
 
 
 def requirements(
     project: dict[str, Any], extras: Iterable[str] = EXTRAS
 ) -> Iterator[Requirement]:
-    """Yield what the project needs, and what its extras need on top."""
+    """Yield the requirements of the project and of its extras."""
     optional = project["optional-dependencies"]
     for text in [
         *project["dependencies"],

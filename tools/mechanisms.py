@@ -97,8 +97,8 @@ CHAIN = ss.Chain(blocks=4, coupling=5.0, mass=1e-2, damping=15.0, leaf=8.0)
 
 
 def interface_with(fields: dict[str, object]) -> ss.Interface:
-    """Return an interface with these fields, its contacts of `TENTH` where no areas
-    are among them.
+    """Return an interface with these fields; its contacts have thresholds `TENTH`
+    unless areas are given.
     """
     contacts = {} if "areas" in fields else {"thresholds": TENTH}
     return ss.Interface(**contacts, **fields)  # type: ignore[arg-type]

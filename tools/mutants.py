@@ -1,17 +1,18 @@
-"""Turn one operator or comparison at a time and see whether the tests notice:
+"""Change one operator or comparison at a time and check whether the tests notice:
 `python tools/mutants.py [COUNT [SEED]]`.
 
-Each mutant is a copy of the package with one change, tried against the quick tests of
-its room. A mutant that lives names its place; either a test is missing, or the change
-makes no difference (an equivalent mutant).
+Each mutant is a copy of the package with one change, tried with the quick tests of its
+room. A mutant that survives is printed with its place; either a test is missing, or the
+change makes no difference (an equivalent mutant).
 
-Once `--learn` has noted which tests run through which lines, a mutant meets those of
-all rooms. A kernel has no lines to note: there it meets the tests that run through a
-line which names a caller of the kernel, and of what is compiled only these callers are
-compiled anew. What runs before any test stays with its room.
+After `--learn`, which records the lines that each test runs, a mutant is tried with
+those tests of all rooms that run its line. For kernels no lines can be recorded: a
+mutant is tried with the tests that run a line which names a caller of the kernel, and
+only these callers are compiled again. Lines that run before any test are tried with the
+tests of their room.
 
-    python tools/mutants.py --learn       note them, in .mutants
-    python tools/mutants.py 20 7          twenty mutants drawn with seed 7
+    python tools/mutants.py --learn                 record them, in .mutants
+    python tools/mutants.py 20 7                    twenty mutants drawn with seed 7
     python tools/mutants.py --at src/stickslip/io/datasets.py:166
 """
 
@@ -43,21 +44,21 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
 WORKSHOP = ROOT / ".mutants"
 """Folder of the copies, of their compiled code, and of the record of `--learn`: always
-the same place, which compiled code names.
+the same place, because compiled code contains its path.
 """
 LEARNT = WORKSHOP / "learnt.json"
-"""Of tests that pass: `seconds`, by name; `lines`, by module and line, the places in
-`seconds` of those that run it.
+"""For tests that pass: `seconds`, by test name; `lines`, by module and line, the
+positions in `seconds` of the tests that run it.
 """
 ENOUGH = 240
-"""Seconds of tests that a mutant meets, the quickest first."""
+"""Seconds of tests that are run on a mutant, the fastest first."""
 STUCK = 150
-"""Seconds without a test that ends, most of them to compile in, after which a mutant
-hangs: it is caught.
+"""Seconds without a finished test after which a mutant hangs, and so is caught; most of
+them are for compilation.
 """
 
 CLOSEST = 4
-"""Test files that a module has, the closest ones."""
+"""Number of test files of a module, the closest ones."""
 
 SIGNS = {
     ast.Add: "+ -",
@@ -74,17 +75,17 @@ SIGNS = {
     ast.And: "and or",
     ast.Or: "or and",
 }
-"""Operators: as they are written, and what they are turned to; a comparison to its
-opposite, for few numbers meet an edge.
+"""Operators: as written, and their replacement; a comparison becomes its opposite,
+because few numbers lie exactly on an edge.
 """
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: what stands from `begin` to `end` in its module becomes `sign`, at
-    each of these places.
+    """One change: the text from `begin` to `end` in its module becomes `sign`, at each
+    of these places.
 
-    `line` is where it stands, `statement` the lines of all that runs with it.
+    `line` is its line, `statement` the lines of the statement around it.
     """
 
     file: Path
@@ -96,12 +97,12 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """The module, in the package."""
+        """The path of the module in the package."""
         return self.file.relative_to(PACKAGE).as_posix()
 
     @property
     def source(self) -> str:
-        """The module with the change; as long as before if it can be, for numba
+        """The module with the change, and of the same length if possible: numba
         compares lengths.
         """
         text = self.file.read_bytes()
@@ -114,7 +115,7 @@ class Mutant:
 
 @cache
 def names_defined(file: Path) -> frozenset[str]:
-    """Return the names that stand at the top of a module."""
+    """Return the names defined at the top of a module."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     return frozenset(
         node.name
@@ -135,8 +136,8 @@ def names_used(file: Path) -> frozenset[str]:
 
 @cache
 def tests_of(file: Path) -> list[str]:
-    """Return the closest test files of a module: those named after it or its room,
-    then those that use most of its names, then most of its neighbours'.
+    """Return the closest test files of a module: those named after it or its room, then
+    those that use most of its names, then those that use most of its neighbours' names.
     """
     named = {f"test_{place}" for place in (file.stem, file.parent.name)}
     own = names_defined(file)
@@ -152,7 +153,7 @@ def tests_of(file: Path) -> list[str]:
 
 
 def mutants(file: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a module; types, which are no arithmetic, aside."""
+    """Yield every mutant of a module, except of annotations: they are no arithmetic."""
     source = file.read_bytes()
     starts = [0, *(match.end() for match in re.finditer(rb"\n", source))]
     skipped: set[int] = set()
@@ -196,7 +197,7 @@ def mutants(file: Path) -> Iterator[Mutant]:
 
 
 def _operations(node: Any) -> list[tuple[ast.AST, list[tuple[Any, Any]]]]:
-    """Return the operators of a node, each with what stands on its left and right
+    """Return the operators of a node, each with the nodes on its left and right
     wherever it is written.
     """
     if isinstance(node, ast.BinOp):
@@ -216,8 +217,8 @@ def _operations(node: Any) -> list[tuple[ast.AST, list[tuple[Any, Any]]]]:
 
 
 def _find(sign: str, source: bytes, begin: int, end: int) -> tuple[int, int]:
-    """Return where an operator stands between two ends: not in a comment, nor in
-    what closes or opens there.
+    """Return where an operator stands between two positions: outside of comments and of
+    brackets there.
     """
     at = next(
         match.start(1)
@@ -230,8 +231,8 @@ def _find(sign: str, source: bytes, begin: int, end: int) -> tuple[int, int]:
 
 
 def learn() -> None:
-    """Run the quick tests of all rooms, and note which of those that pass run
-    through which lines.
+    """Run the quick tests of all rooms, and record which of those that pass run which
+    lines.
     """
     traced = WORKSHOP / "coverage"
     asked = [
@@ -243,7 +244,7 @@ def learn() -> None:
         "--cov-context=test",
         "--cov-report=",
     ]
-    asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # the quickest, too
+    asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # also the fastest
     _, output = _run([*asked, "tests"], None, {"COVERAGE_FILE": str(traced)})
     seconds: dict[str, float] = defaultdict(float)
     for took, test in re.findall(
@@ -259,7 +260,7 @@ def learn() -> None:
     }
     data = CoverageData(basename=str(traced))
     data.read()
-    tests = sorted(seconds.keys() - failed)  # those, too, that call kernels alone
+    tests = sorted(seconds.keys() - failed)  # also those that call kernels only
     number = {test: place for place, test in enumerate(tests)}
     found: dict[str, dict[int, list[int]]] = {}
     for name in data.measured_files():
@@ -284,7 +285,7 @@ def learn() -> None:
 
 @cache
 def learnt() -> dict[str, Any]:
-    """Return what was learnt, if it was."""
+    """Return the record of `--learn`, if there is one."""
     return (
         json.loads(LEARNT.read_text(encoding="utf-8"))
         if LEARNT.exists()
@@ -294,12 +295,12 @@ def learnt() -> dict[str, Any]:
 
 @cache
 def callers() -> Callers:
-    """Return who uses what in the package."""
+    """Return which definitions of the package use which others."""
     return Callers(PACKAGE)
 
 
 def compiled_of(mutant: Mutant) -> set[tuple[str, str]]:
-    """Return the kernels whose machine code holds the change; none if it is in no
+    """Return the kernels whose machine code contains the change; none if it is in no
     kernel.
     """
     if not mutant.name.startswith("kernels/"):
@@ -325,7 +326,7 @@ def tests_for(mutant: Mutant) -> list[str]:
         for file, line in places
         for test in lines.get(file, {}).get(str(line), [])
     }
-    # its own tests call kernels without a line of the package between
+    # its own tests call kernels directly, without running a line of the package
     if kernels or not found:
         found |= {test for test in names if test.startswith(room)}
     order = sorted(found, key=lambda test: (not test.startswith(room), seconds[test]))
@@ -336,7 +337,7 @@ def tests_for(mutant: Mutant) -> list[str]:
 
 
 def is_caught(mutant: Mutant) -> bool:
-    """Whether a test fails on a mutant."""
+    """Return whether a test fails on a mutant."""
     tests = tests_for(mutant)
     if not LEARNT.exists() and not stands(tuple(tests)):
         sys.exit(f"{' '.join(tests)}: fail without any mutant")
@@ -345,7 +346,9 @@ def is_caught(mutant: Mutant) -> bool:
 
 @cache
 def stands(tests: tuple[str, ...]) -> bool:
-    """Whether tests pass on the package as it is: else they would catch everything."""
+    """Return whether the tests pass on the unchanged package: otherwise they would
+    catch everything.
+    """
     return not _fails(None, list(tests))
 
 
@@ -422,7 +425,7 @@ def _run(
 
 
 def _compiled(environment: dict[str, str]) -> str:
-    """Return the folder of the compiled code of the copy as it is now."""
+    """Return the folder of the compiled code of the copy in its present state."""
     asked = [
         sys.executable,
         "-c",
@@ -434,7 +437,7 @@ def _compiled(environment: dict[str, str]) -> str:
 
 
 def main() -> int:
-    """Try a sample; return 1 if a mutant lives."""
+    """Try a sample of mutants; return 1 if one survives."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,5 +1,5 @@
-"""Draw the pictures that are kept in git, those of the browser aside:
-`python tools/pictures.py docs/images`.
+"""Draw the pictures that are kept in git, except those of the browser: `python
+tools/pictures.py docs/images`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from stickslip.io.rig_files import example_file
 
 
 def draw(folder: Path) -> None:
-    """Run the commands that the pages name."""
+    """Run the commands given in the pages."""
     with tempfile.TemporaryDirectory() as place:
         rig, slow, fast, store = (
             Path(place) / name
@@ -30,7 +30,7 @@ def draw(folder: Path) -> None:
 
 
 def run(*arguments: str | Path) -> None:
-    """Run a command; end where it fails."""
+    """Run a command; exit if it fails."""
     if code := main(list(map(str, arguments))):
         sys.exit(code)
 

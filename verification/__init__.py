@@ -1,9 +1,9 @@
-"""The verification programme: the paper's claims, closed forms, solver against solver,
-and orders of convergence.
+"""The verification programme: the paper's claims, closed forms, solvers against each
+other, and orders of convergence.
 
-Each study is a function that measures and returns claims with bands;
-`python -m verification` runs them all, or those named, and writes one report. Bands
-come from theory or from the settled numbers, never from what came out.
+Each study is a function that computes values and returns claims with bands; `python -m
+verification` runs all studies, or those named, and writes one report. Bands come from
+theory or from reference numbers, never from the results.
 """
 
 from __future__ import annotations

@@ -41,11 +41,11 @@ def run(
         bool, Parameter(name="--list", help="List the studies and stop.", negative="")
     ] = False,
 ) -> int:
-    """Run all studies, or those named; the exit code is 1 if one does not come out as
-    settled.
+    """Run all studies, or those named; the exit code is 1 if one does not have its
+    reference verdicts.
 
-    Each is written into the report as it ends, in place of what stood there of it; the
-    others stay.
+    Each study is written into the report as it ends and replaces its earlier result;
+    the others stay.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def run(
 
 
 def _chosen(names: Sequence[str]) -> list[str]:
-    """Names of studies, groups spelt out; all of them where none is named."""
+    """Return names of studies, with groups expanded; all of them if none is named."""
     groups = {
         study.group.lower(): [
             s.name for s in STUDIES.values() if s.group == study.group
@@ -109,7 +109,7 @@ def _chosen(names: Sequence[str]) -> list[str]:
 
 @contextmanager
 def _bar(total: int) -> Iterator[Callable[[Outcome], None]]:
-    """A line for each study as it ends, above a bar on a terminal."""
+    """Print a line for each study as it ends, above a progress bar if on a terminal."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,

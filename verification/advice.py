@@ -1,10 +1,10 @@
-"""Is what `predict` says true? Rigs drawn at random, each sentence against simulations
-of its own.
+"""Test whether the statements of `predict` are true: rigs drawn at random, each
+statement against simulations of its own.
 
-``python -m verification advice`` is the study; ``python -m verification.advice 0 150``
-prints each disagreement, and sums up. What an oscillation is, is read here without
-`stickslip.measure`: noise of the contacts halves where there are four times as many, an
-oscillation stays.
+``python -m verification advice`` runs the study;
+``python -m verification.advice 0 150`` prints each disagreement, and a summary.
+Oscillations are identified here without `stickslip.measure`: noise of the contacts
+halves if there are four times as many, an oscillation stays.
 """
 
 from __future__ import annotations
@@ -37,25 +37,27 @@ Array = NDArray[np.float64]
 
 SEED = 20261122
 _TINY, _NOISE, _STAYS = 0.02, 0.65, 0.8
-"""Peak to peak over static friction that is nothing; factor with four times the
-contacts of noise, and of motion.
+"""Peak to peak over static friction below which the force is constant; factors of
+noise, and of motion, with four times the contacts.
 """
 _LENGTHS = 4
-"""Lengths of run that are tried, each twice the one before, until two agree."""
+"""Number of durations tried, each twice the one before, until two agree."""
 _PATIENT = 8.0
-"""Runs so many times as long look again at what does not seem to decay."""
+"""Factor of duration of the runs that check again oscillations that do not seem to
+decay.
+"""
 _FAST = 3.5, 1.25
-"""A slip in speeds of the drive, and the factor on either side within which both
-words are right.
+"""Largest velocity of a slip, in speeds of the drive, and the factor on either side of
+it within which both words are right.
 """
 _DEAREST = 6.0
-"""Seconds a run may take; what takes longer is not tried."""
+"""Seconds that a run may take; longer ones are not tried."""
 _MOST_AGED = 2_000
 
 
 def draw(number: int) -> ss.Rig:
-    """Return a rig: soft or stiff, light or heavy, natural or SI, with any delay or
-    ageing, few contacts or many.
+    """Return a random rig: soft or stiff, light or heavy, in natural or SI units, with
+    any delay or ageing, with few contacts or many.
     """
     rng = np.random.default_rng([SEED, number])
 
@@ -141,15 +143,13 @@ def _thresholds(kind: str, std: float) -> Distribution:
 
 
 class TooDear(Exception):  # noqa: N818 - not an error: what it would tell stays unknown
-    """A run would take too long."""
+    """Raised if a run would take too long."""
 
 
 @dataclass(frozen=True)
 class Look:
     """The late part of a run: peak to peak and standard deviation over static friction,
-    the fastest of a usual cycle.
-
-    The velocity is in those of the drive.
+    and the largest velocity of a usual cycle, in speeds of the drive.
     """
 
     swing: float
@@ -158,8 +158,8 @@ class Look:
 
 
 def _watch(rig: ss.Rig, count: int, seed: int, longer: float) -> Look:
-    """Look at the last 40 % of a run that is long enough for contacts that began
-    together to have lost step.
+    """Evaluate the last 40 % of a run, long enough that contacts that attached together
+    no longer break together.
     """
     slider = rig.slider
     stretch = rig.interface.threshold_distribution.moment(1)
@@ -196,8 +196,8 @@ def _watch(rig: ss.Rig, count: int, seed: int, longer: float) -> Look:
 
 
 def _usual_maximum(force: Array, velocity: Array) -> float:
-    """Median of the largest velocity of each cycle; a cycle begins where the force
-    rises through its upper quarter.
+    """Return the median of the largest velocities of the cycles; a cycle begins where
+    the force rises through its upper quarter.
     """
     low, high = np.percentile(force, [25.0, 75.0])
     side = np.where(force > high, 1, np.where(force < low, -1, 0))
@@ -209,11 +209,11 @@ def _usual_maximum(force: Array, velocity: Array) -> float:
 
 
 def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
-    """Return what may be said of a rig at its first speed: kinds of motion that runs do
-    not contradict.
+    """Return the kinds of motion of a rig at its first speed that runs do not
+    contradict.
 
-    The run is made longer until two lengths agree, and then with four times the
-    contacts, of which noise halves.
+    The run is made longer until two durations agree, and is then repeated with four
+    times the contacts, which halves noise.
     """
     assert isinstance(rig.method, Contacts)
     count = rig.method.count
@@ -239,8 +239,8 @@ def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
         if min(ratios) > _STAYS and max(look.swing for look in many) > 1.25 * _TINY:
             return kinds
         if max(ratios) < _NOISE:
-            # Contacts so few that each break is a slip: noise, by their number, and
-            # slips all the same.
+            # So few contacts that each break is a slip: noise, from their number, yet
+            # slips.
             slips = min(look.fastest for look in looks[-2:]) > 2.0 * _FAST[0]
             return {"smooth sliding", "stick-slip"} if slips else {"smooth sliding"}
     return kinds | {"smooth sliding", "either"}
@@ -251,8 +251,8 @@ def _agree(one: float, other: float) -> bool:
 
 
 def _memory(rig: ss.Rig) -> float:
-    """Lives of the contacts after which those that began together break at any time:
-    2 % of the first harmonic left.
+    """Return after how many lives contacts that attached together break at any time: 2
+    % of the first harmonic is left.
     """
     interface = rig.interface
     v = rig.velocity
@@ -263,8 +263,8 @@ def _memory(rig: ss.Rig) -> float:
 
 
 def at(rig: ss.Rig, name: str, value: float) -> ss.Rig:
-    """The rig, in natural units, with a parameter given in its own units, at the
-    constant speed it begins with.
+    """Return the rig in natural units with one parameter changed, given in its own
+    units, at its first, constant speed.
     """
     drive = ss.constant(rig.natural.velocity, 100.0 / rig.natural.velocity)
     parameter = parameter_named(name)
@@ -274,8 +274,8 @@ def at(rig: ss.Rig, name: str, value: float) -> ss.Rig:
 
 
 def disagreements(number: int) -> Iterator[tuple[str, str]]:
-    """Predict a rig, and try each sentence: kinds of sentence, each with what
-    contradicts it, or nothing.
+    """Predict a rig, and test each statement: return the kinds of statements, each with
+    its contradiction, or an empty text.
     """
     rig = draw(number)
     begun = time.process_time()
@@ -295,7 +295,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
                         count_unstable(at(rig, margin.parameter, edge * f)) == 0
                         for f in (0.99, 1.01)
                     ]
-                except ss.InputError:  # at the end of what the theory of ageing covers
+                except ss.InputError:  # at the limit of the theory of ageing
                     continue
                 yield (
                     "margin",
@@ -327,12 +327,16 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
 
 
 def _runs(rig: ss.Rig) -> Iterator[set[str]]:
-    """What may be said of runs from 8 seeds, as many as an attempt speaks of."""
+    """Return what may be said of runs from 8 seeds, the number that an attempt
+    mentions.
+    """
     return (motion(rig, seed=seed) for seed in range(8000, 16000, 1000))
 
 
 def _about_a_part(name: str, there: ss.Rig, part: float) -> Iterator[tuple[str, str]]:
-    """As many of 8 runs slide smoothly as are said to, within three standard errors."""
+    """Return whether as many of 8 runs slide smoothly as stated, within three standard
+    errors.
+    """
     try:
         kinds = [*_runs(there)] if not count_unstable(there.natural) else [set[str]()]
     except (TooDear, ss.InputError, ss.UndecidedError):
@@ -368,7 +372,7 @@ def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
         and found.unstable_modes
         and "linearly unstable" in found.verdict
     )
-    if not fits:  # a run may be in one of two basins: another two tell
+    if not fits:  # a run may end in one of two states: two more decide
         fits = kind in motion(here, seed=2000)
     yield (
         "regime",
@@ -391,7 +395,7 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
             if band.bistable or band.kind in ("smooth sliding", "stable")
             else modes > 0
         )
-        if band.kind != "unknown":  # of which nothing is said
+        if band.kind != "unknown":  # about these bands nothing is stated
             yield (
                 "band, linear",
                 "" if linear else f"{band} at {middle:.4g}: growing modes {modes}",
@@ -420,7 +424,7 @@ def _about_a_mitigation(
     try:
         kinds = [motion(there, seed=seed) for seed in (5000, 6000)]
         bad = [each for each in kinds if "smooth sliding" not in each]
-        if bad:  # what decays slowly looks sustained for a while
+        if bad:  # a slow decay looks sustained for a while
             bad = [
                 each
                 for each in (motion(there, shortest=_PATIENT),)
@@ -433,12 +437,12 @@ def _about_a_mitigation(
 
 
 _FIRST, _LAST = 0, 60
-"""Rigs of the study."""
+"""Number of rigs in the study."""
 
 
 def advice() -> tuple[Claim, ...]:
-    """No sentence about rigs drawn at random is contradicted by their runs, and no
-    band or mitigation is noise.
+    """No statement about random rigs is contradicted by their runs, and no band or
+    mitigation is noise.
     """
     found = [
         (number, *each)
@@ -469,7 +473,7 @@ def advice() -> tuple[Claim, ...]:
 
 
 _DRAWN = 40
-"""Rigs that are drawn from what was assumed of one."""
+"""Number of rigs drawn from the assumptions about one."""
 _SET = {
     "slider.mass": ("mass", 1),
     "slider.stiffness": ("stiffness", 1),
@@ -479,12 +483,12 @@ _SET = {
     "interface.delay": ("delay", 1),
 }
 _WIDEST = 0.5
-"""Standard deviation of thresholds, over their mean, beyond which none is drawn."""
+"""Largest standard deviation of thresholds, over their mean, that is drawn."""
 
 
 def oscillates(name: str) -> Iterator[bool | None]:
-    """Whether rigs drawn from what was assumed of an example oscillate, by linear
-    theory or by runs of their own.
+    """Return whether rigs drawn from the assumptions about an example oscillate, by
+    linear theory or in their own runs.
     """
     rig = ss.example(name)
     rng = np.random.default_rng(SEED)
@@ -510,8 +514,8 @@ def oscillates(name: str) -> Iterator[bool | None]:
 
 
 def doubt() -> tuple[Claim, ...]:
-    """What is said of rigs with other values of what was assumed is so, of the
-    examples that name a delay.
+    """The statement about other values of the assumed parameters is true, for the
+    examples that assume a delay.
     """
     claims = []
     for name in ("brake_pad", "precision_stage", "pmma_slider"):
@@ -572,8 +576,8 @@ STUDIES = (
 
 
 def main(first: int, last: int) -> int:
-    """Try rigs by number; print disagreements as they come, then how many of each
-    kind of sentence were tried.
+    """Test rigs by number; print each disagreement, then how many of each kind of
+    statement were tested.
     """
     tried = Counter[str]()
     false = Counter[str]()

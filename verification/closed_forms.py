@@ -1,4 +1,4 @@
-"""Distributions of thresholds for which the answer can be written down."""
+"""Distributions of thresholds with closed-form answers."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _AT_REST = Gaussian(mean=0.0, std=0.0)
 
 
 def _uniform() -> tuple[Claim, ...]:
-    """Until the first contact breaks twice, the force of a delta start is a
-    parabola.
+    """Check that the force from a delta start is a parabola until the first contact
+    breaks twice.
     """
     edges = ((0.9, 1.0), (0.8, 1.2), (0.6, 1.1), (1.5, 1.7))
     stiffness = []
@@ -50,7 +50,7 @@ def _uniform() -> tuple[Claim, ...]:
             interface, low + 0.5 * min(high - low, low), method=Renewal(4096)
         )
         X = run["displacement"].to_numpy()
-        # X (1 - broken) and what the re-attached have gained, each Int_low^X (X - a)
+        # X (1 - broken) plus the force of re-attached contacts, each Int_low^X (X - a)
         # da / width.
         past = np.maximum(X - low, 0.0) / (high - low)
         parabola = X * (1 - past) + 0.5 * past * np.maximum(X - low, 0.0)
@@ -139,8 +139,8 @@ def _exponential() -> tuple[Claim, ...]:
 
 
 def _gamma() -> tuple[Claim, ...]:
-    """A gamma distribution of shape 2 makes births an alternating renewal process of
-    two exponential stages.
+    """Check a gamma distribution of shape 2, with which attachments are an alternating
+    renewal process of two exponential stages.
     """
     rate = 2.0  # shape 2, mean 1
     distribution = Gamma(mean=1.0, std=1.0 / np.sqrt(2.0))

@@ -1,4 +1,4 @@
-"""Orders of convergence: the step is halved, and the error that is left is compared."""
+"""Orders of convergence: errors are compared at halved steps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SMOOTH = Interface(
 
 
 def _slope(steps: list[int], errors: list[float]) -> float:
-    """Power of the step by which the error falls."""
+    """Return the power of the step with which the error falls."""
     return -float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
@@ -156,8 +156,8 @@ def _contacts() -> tuple[Claim, ...]:
     return (
         finding(
             "Contacts scatter about the master equation as N^(-1/2)",
-            # Each rms of 24 runs of a few independent stretches is known to some 10 %:
-            # .04 in the slope.
+            # Each rms of 24 runs, which have a few independent parts each, is known to
+            # some 10 %: .04 in the slope.
             near("power of N", -_slope(counts, scatter), -0.5, 0.12),
             evidence=(
                 f"{seeds} runs each of {', '.join(f'{N:,}' for N in counts)} "

@@ -1,7 +1,7 @@
 """The paper's claims, figure by figure, with all points and contacts.
 
-"Not reproduced" is a verdict like any other: it passes when the exact value that is
-stated instead is met.
+"Not reproduced" is a verdict like any other: the claim passes if the stated exact value
+is met instead.
 """
 
 from __future__ import annotations

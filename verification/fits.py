@@ -1,5 +1,5 @@
-"""Fits against known truths: how often a 90 % interval holds the truth, and what a
-measured trace gives.
+"""Fits of known true values: how often a 90 % interval contains the truth, and the fit
+of a measured trace.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Coverage:
 
     @property
     def chi2(self) -> NDArray[np.float64]:
-        """Chi squared of the ranks over ten bins, for each parameter."""
+        """Return chi squared of the ranks over ten bins, for each parameter."""
         counts = np.stack(
             [
                 np.histogram(column, bins=_BINS, range=(0, 1))[0]
@@ -74,7 +74,7 @@ class Coverage:
 
     @property
     def correlations(self) -> NDArray[np.float64]:
-        """Correlation of the medians with the truths, for each parameter."""
+        """Return correlations of the medians with the truths, for each parameter."""
         return np.array(
             [
                 np.corrcoef(m, t)[0, 1]
@@ -114,8 +114,8 @@ def coverage_test(
     slips: int = 170,
     report: Callable[[str], None] | None = None,
 ) -> Coverage:
-    """Fit traces of new truths from the prior, at random samplings and noise, until a
-    given number was not refused.
+    """Fit traces of new truths from the prior, at random sampling intervals and noise,
+    until a given number of traces is not refused.
     """
     prior = Prior()
     rng = np.random.default_rng(seed)
@@ -149,7 +149,7 @@ def coverage_test(
 
 
 def _reason(error: InputError) -> str:
-    """A refusal without its figures."""
+    """Return a refusal without its numbers."""
     return re.sub(r"[-+]?\d+\.?\d*(e[-+]?\d+)?", "#", str(error))[:70]
 
 
@@ -158,7 +158,7 @@ def _coverage(
     edge: int,
     refused: Counter[str],
 ) -> Coverage:
-    """Put together truths and draws, both in parts of the ranges of the prior."""
+    """Combine truths and draws, both as fractions of the ranges of the prior."""
     at = np.stack([truth for truth, _ in rows])
     low, middle, high = (
         np.stack([np.quantile(d, q, axis=0) for _, d in rows])
@@ -179,8 +179,7 @@ IDEAL = Observation(
     slips=167,
     sampling=Recording(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6),
 )
-"""A recording without noise, of samples close enough for the smallest slip to be seen.
-"""
+"""A recording without noise, sampled so finely that the smallest slip shows."""
 
 
 def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
@@ -188,8 +187,8 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
     statistics can give, with no trace refused.
 
     A trace whose slip count depends on the detection threshold is refused a fit. Most
-    of those come of stiff springs, which the statistics tell best: without them less is
-    told of the stiffness ratio.
+    of these come from stiff springs, about which the statistics tell most: without them
+    the stiffness ratio is less well known.
     """
     made = table()
     rng = np.random.default_rng(seed)
@@ -221,7 +220,7 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
 
 
 def calibration() -> tuple[Claim, ...]:
-    """Coverage and ranks on fresh truths."""
+    """Check coverage and ranks on new truths."""
     found = coverage_test()
     by = dict(zip(KEYS, found.inside.mean(axis=0).tolist(), strict=True))
     return (
@@ -250,13 +249,13 @@ def calibration() -> tuple[Claim, ...]:
 
 
 def contraction() -> tuple[Claim, ...]:
-    """The information in the statistics at best; over the whole prior it is less than
-    the bounds ask.
+    """Check the best possible information in the statistics; over the whole prior it is
+    less than the bounds require.
 
-    The bounds were settled on a prior without the series in which contacts break more
-    than about 1.2 times a slip, soft springs with large slips, which tell the number of
-    contacts least. Of series of at most one break a slip the widths are .20 and .35,
-    the correlations .89 and .91.
+    The bounds were chosen for a prior without series in which contacts break more than
+    about 1.2 times per slip: soft springs with large slips, which tell least about the
+    number of contacts. For series of at most one break per slip the widths are .20 and
+    .35, the correlations .89 and .91.
     """
     found = contraction_test()
     width, corr = (
@@ -278,7 +277,7 @@ def contraction() -> tuple[Claim, ...]:
 
 
 def _overlap(found: Fit, key: str, low: float, high: float) -> Measured:
-    """How much of an interval overlaps another, over the shorter of the two."""
+    """Return the overlap of two intervals over the shorter of the two."""
     one = found[key]
     common = min(one.high, high) - max(one.low, low)
     return between(
@@ -289,8 +288,8 @@ def _overlap(found: Fit, key: str, low: float, high: float) -> Measured:
 def halves_predicted(
     after: float = 45.0,
 ) -> tuple[int, dict[str, tuple[float, float, float]]]:
-    """Fit the first half of Force7; count the statistics of the second within 95 %
-    of what the draws make.
+    """Fit the first half of Force7; count the statistics of the second half within the
+    central 95 % of the draws' predictions.
     """
     events = pick_events(read_trace(FORCE7, step=0.25), after=after)
     middle = len(events) // 2
@@ -305,8 +304,8 @@ def halves_predicted(
 
 
 def measured_trace() -> tuple[Claim, ...]:
-    """Fit the trace Force7: intervals, the test of the draws, and its second half from
-    its first.
+    """Fit the trace Force7: intervals, the test of the draws, and the prediction of its
+    second half from its first.
     """
     found = fit(read_trace(FORCE7, step=0.25), after=45.0)
     p = found.p_values

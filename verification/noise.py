@@ -18,10 +18,10 @@ from verification.study import Study, finding
 _RIGS = 30
 _SEEDS = 3
 _ERROR = 0.012
-# of the velocity, whose square is the next order: at .39 runs are 6 % above theory, at
-# .2 2 %
+# of the relative velocity, whose square is the next order: at .39 runs are 6 % above
+# theory, at .2 2 %
 _FLUCTUATION = 0.25
-_MOST_BREAKS = 3e6  # of all runs of a rig
+_MOST_BREAKS = 3e6  # breaks in all runs of a rig
 
 
 def _thresholds(rng: np.random.Generator) -> Any:
@@ -67,8 +67,8 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
-    """Yield stable rigs whose velocity fluctuates by so little that the next order
-    in ``1/N`` is within the bound.
+    """Yield stable rigs whose velocity fluctuates so little that the next order in
+    ``1/N`` is within the bound.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -101,7 +101,7 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
                 start=ss.FromSliding(),
             )
             noise = contact_noise(rig)
-        # unstable, or newborns beyond the thresholds
+        # unstable, or newborns stretched beyond the thresholds
         except (InputError, UndecidedError):
             continue
         if (
@@ -112,8 +112,8 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
 
 
 def _duration(noise: ContactNoise) -> float:
-    """Length of a run, such that all of them know the size of the fluctuations to an
-    error.
+    """Return the duration with which all runs together give the size of the
+    fluctuations to an error.
     """
     return noise.memory / (2.0 * _ERROR**2 * _SEEDS)
 
@@ -122,7 +122,7 @@ def _ratio(rig: ss.Rig, noise: ContactNoise) -> float:
     """Return the root mean square of the spring force in runs, over theory."""
     duration = _duration(noise)
     warm = 20.0 * noise.memory
-    # what the mean of a run takes of its variance
+    # variance that subtracting the mean of a run removes
     taken = float(noise.spectrum.spring_force[0]) / 2.0 / duration
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
     drive = ss.constant(rig.velocity, warm + duration)

@@ -1,11 +1,11 @@
 """The phase diagram of the interface of Fig. 4 on a coarse grid: simulated regimes
 against the computed boundaries.
 
-The linear boundary speaks of small disturbances of smooth sliding, so it is compared
+The linear boundary is about small disturbances of smooth sliding, so it is compared
 with runs that start from there. Below it the interface is bistable: a start at rest,
 which is a finite disturbance, leads to stick-slip down to where the cycle itself ends
-in a fold. Between the two, N contacts may perturbation themselves over; more contacts
-do so less, hence more of them here than in the example.
+in a fold. Between the two, the noise of N contacts may by itself start stick-slip; with
+more contacts it does so less, hence more of them here than in the example.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from verification.study import finding
 _CONTACTS = 20_000
 _MARGIN = 1.25
 """Factor of velocity on either side of a boundary within which nothing is claimed:
-growth rates beside it are so small that a run may end before an oscillation has grown
-out of the noise, and below it noise may trigger slips.
+growth rates near it are so small that a run may end before an oscillation has grown out
+of the noise, and below it noise may trigger slips.
 """
 _OSCILLATES = ("stick-slip", "sustained oscillation")
 
 
 def regimes() -> tuple[Claim, ...]:
-    """Weigh the regimes of a coarse grid, and of runs about the fold."""
+    """Check the regimes on a coarse grid, and of runs about the fold."""
     plan = read_plan(rig.example_file("phase_diagram"))
     many = replace(plan.study.rig, method=Contacts(_CONTACTS, seed=1))
     plan = replace(plan, study=replace(plan.study, rig=many))

@@ -1,4 +1,4 @@
-"""Run studies side by side, and keep what each found."""
+"""Run studies in parallel, and keep their findings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from verification.report import Outcome
 def run_all(
     names: Sequence[str], workers: int, step: Callable[[Outcome], None]
 ) -> list[Outcome]:
-    """Run studies in processes of their own; `step` is called as each ends.
-
-    The order is that of the names.
+    """Run studies in processes of their own; `step` is called as each ends. The order
+    of the results is that of the names.
     """
     done: dict[str, Outcome] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
@@ -33,12 +32,12 @@ def run_all(
                     )
                 step(done[name])
         finally:
-            pool.shutdown(cancel_futures=True)  # else an error here would wait for all
+            pool.shutdown(cancel_futures=True)  # or an error here would wait for all
     return [done[name] for name in names]
 
 
 def run_one(name: str) -> Outcome:
-    """Run one study; one that raises is a finding, not the end."""
+    """Run one study; an exception becomes a finding and does not end the programme."""
     begun = time.perf_counter()
     try:
         findings, failure = STUDIES[name].run(), ""

@@ -1,6 +1,4 @@
-"""One report of all studies: JSON for machines, HTML for people; each as it was run
-last.
-"""
+"""One report of all studies, as JSON and as HTML; it holds the last run of each."""
 
 from __future__ import annotations
 
@@ -19,14 +17,14 @@ from verification import STUDIES
 from verification.sources import fingerprint
 
 Studies = dict[str, dict[str, Any]]
-"""The studies as JSON holds them, by name."""
+"""The studies as stored in JSON, by name."""
 
 _TEMPLATE = Path(__file__).with_name("template.html")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What the study of this name found, when, and how long it took in s.
+    """The findings of the study of this name, when it ran, and how long it took in s.
 
     `failure` is the reason why it could not be finished.
     """
@@ -41,7 +39,7 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether it was finished and every finding came out as settled."""
+        """Return whether it was finished and all findings have reference verdicts."""
         return (
             not self.failure
             and bool(self.findings)
@@ -49,7 +47,7 @@ class Outcome:
         )
 
     def plain(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a value converted to types that JSON has."""
         study = STUDIES[self.study]
         return {
             "study": study.name,
@@ -71,8 +69,8 @@ class Outcome:
 
 
 def read(folder: Path) -> Studies:
-    """Return the studies of the report in a folder that still exist; none without a
-    report.
+    """Return the studies of the report in a folder that still exist; none if there is
+    no report.
     """
     file = folder / "report.json"
     studies = (
@@ -119,7 +117,7 @@ def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, 
 
 
 def _made_by(kept: Sequence[Mapping[str, Any]]) -> str:
-    """Which versions made a report, and when the last study ended."""
+    """Return which versions made a report, and when the last study ended."""
     version, python = (
         " and ".join(dict.fromkeys(each[name] for each in kept))
         for name in ("stickslip", "python")

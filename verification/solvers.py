@@ -1,5 +1,5 @@
-"""Solver against solver: contacts, cohorts, the renewal convolution, and linear
-theory, where all must agree.
+"""Solver against solver: contacts, cohorts, the renewal convolution, and linear theory,
+where all must agree.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ def _rigid() -> tuple[Claim, ...]:
             for s in range(seeds)
         ]
         rms = math.sqrt(N * np.mean([(run.to_numpy() - exact) ** 2 for run in runs]))
-        # A contact's force lies between 0 and some 1.3: its deviation is at most half
-        # of that.
+        # A contact's force lies between 0 and about 1.3: its standard deviation is at
+        # most half of that.
         scaled.append(
             at_most(
                 f"rms of contacts about it times sqrt(N), {delay}", rms, 0.65, "f_s"
@@ -189,8 +189,8 @@ def _energy() -> tuple[Claim, ...]:
 
 
 def _linear() -> tuple[Claim, ...]:
-    """A small perturbation of the cohorts grows, or decays, at the rate of linear
-    theory.
+    """Check that a small perturbation of the cohorts grows, or decays, at the rate of
+    linear theory.
     """
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))

@@ -1,4 +1,4 @@
-"""Which sources a study is about: those that compute what it measures."""
+"""Which sources a study depends on: those that compute its values."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ COMPUTING = (
     "cycles",
     "measure",
 )
-"""Rooms of the package that every study uses; pictures and files may change without a
-new report.
+"""Rooms of the package that every study uses; changes of pictures and files need no new
+report.
 """
 
 
 def fingerprint(rooms: Iterable[str] = COMPUTING) -> str:
-    """Return a hash of the sources in these rooms, the same wherever they lie.
+    """Return a hash of the sources in these rooms, the same in every folder.
 
     Syntax trees are hashed, not bytes: neither layout nor comments make a study stale.
     """
@@ -42,13 +42,13 @@ def fingerprint(rooms: Iterable[str] = COMPUTING) -> str:
 
 @cache  # studies share their sources
 def _digest(source: bytes) -> bytes:
-    """Return a hash of what a file computes."""
+    """Return a hash of the code of a file, without docstrings."""
     tree = _without_docstrings(ast.parse(source))
     return hashlib.sha256(ast.dump(tree).encode()).digest()
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
-    """Remove all docstrings of a module: words compute nothing."""
+    """Remove all docstrings of a module: they compute nothing."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             continue

@@ -1,4 +1,4 @@
-"""A study: a question, and a function that answers it with claims."""
+"""A study: a question, and a function that returns claims to answer it."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def held_friction(
     after: float,
     output: Output = Output(),
 ) -> float:
-    """Return the mean force of steady sliding in a run over a distance, what comes
-    `after` a part of it.
+    """Return the mean force of steady sliding in a run over a distance, after
+    the displacement `after`.
 
-    A stiff, heavily damped spring holds the slider to the drive: the force is that of
-    steady sliding.
+    A stiff, heavily damped spring makes the slider follow the drive: the force is that
+    of steady sliding.
     """
     slider = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
     run = simulate(

@@ -1,4 +1,4 @@
-"""Contacts whose thresholds age by Langevin: closed forms, solvers against others."""
+"""Contacts whose thresholds age by Langevin: closed forms, solver against solver."""
 
 from dataclasses import replace
 from math import erfc, exp, sqrt
@@ -119,7 +119,7 @@ def test_lives_from_the_volterra_equation_are_those_of_the_kinetic_equation(u, n
     length, work = steady_moments(life, 200)
     assert parts[1].real / parts[0].real == pytest.approx(work / length, rel=1e-4)
     assert parts[0].real == pytest.approx(length, rel=1e-4)
-    # nothing is perturbed that stands still
+    # at rest nothing is perturbed
     assert np.all(np.abs(parts[2:]) < 1e-9 * length)
 
 
@@ -132,7 +132,7 @@ def test_their_density_slides_with_it_at_second_order(u, error):
     times = np.linspace(0.0, 1.0 / u, 50)
     tracks = (
         rigidly(aged(1.0), ss.MasterEquation(rtol=rtol), ss.constant(u, 1.0 / u), times)
-        for rtol in (16e-4, 1e-4)  # cells and steps of a quarter
+        for rtol in (16e-4, 1e-4)  # the second has cells and steps a quarter as large
     )
     errors = [track["friction_force"].mean() / exact - 1 for track in tracks]
     assert abs(errors[1]) < error

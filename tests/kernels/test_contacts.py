@@ -31,12 +31,12 @@ from stickslip.simulation.engines import Beginning, Leg, contacts
 
 keys = st.one_of(
     st.floats(-5, 5),
-    st.integers(-3, 3).map(float),  # many equal keys, and keys on the edges of bins
+    st.integers(-3, 3).map(float),  # many equal keys, and keys on edges of bins
     st.floats(-1e6, 1e6),  # many turns of the wheel ahead
 )
 places = st.tuples(st.one_of(keys, st.none(), st.just(math.nan)), st.integers(0, 11))
 steps = st.lists(places, max_size=200)
-"""A key to push; none to take the smallest away, NaN to drop any."""
+"""A key to push; None to remove the smallest, NaN to remove any."""
 
 
 BINS = st.sampled_from([16, 64])
@@ -46,7 +46,7 @@ WIDTHS = st.sampled_from([0.01, 0.3, 1.0, 50.0])
 @settings(max_examples=100)
 @given(steps, BINS, WIDTHS, st.floats(-3, 3))
 def test_the_queue_gives_the_smallest_and_reuses_room(steps, bins, width, start):
-    """Of 12 entries: places are used again; equal keys come in any order."""
+    """With 12 entries: places are reused; equal keys come in any order."""
     queue = make_queue(12, bins, width)
     clear(queue, start)
     held: dict[int, float] = {}
@@ -104,8 +104,7 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
     exact = {"rtol": 1e-13, "atol": 1e-18, "max_step": 0.2 * unit}
     exact = solve_ivp(slope, (0, h[-1]), [0, v, 0, 0], "DOP853", h, **exact).y
     got = np.array([flights.at(flight, float(t)) for t in h]).T
-    # The closed form carries how far the slider lags behind a slow drive, and rounds as
-    # it does.
+    # The closed form contains the lag behind a slow drive, and has its rounding.
     lag = 1e-15 * (abs(flight.q0) + abs(flight.q1) * unit)
     scale = np.maximum(np.abs(exact[:2]), [[abs(v) * unit], [abs(v)]])
     assert np.all(np.abs(got - exact[:2]) < 1e-11 * scale + [[lag], [lag / unit]])
@@ -124,7 +123,7 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
 
 
 def crossed(flight, walls, most, times, slack):
-    """Find the first crossing of two walls; no sample before may lie beyond one."""
+    """Find the first crossing of two limits; no sample before may lie beyond one."""
     h, side = flights.first_crossing(flight, *walls, most, np.zeros(16))
     assert 0 < h <= most
     before = np.array([flights.far(flight, float(t))[0] for t in times if t < h])
@@ -148,14 +147,14 @@ NEARLY_ONE = st.floats(-1e-4, 1e-4).map(lambda by: 1 + by)
 )
 @pytest.mark.eq(11)
 def test_no_crossing_hides_behind_a_turn(damping, lasting, end, force, walls):
-    """From rest, through a turn, for up to 1e5 relaxations, of any damping ratio."""
+    """From rest, through reversals, up to 1e5 relaxations, at any damping ratio."""
     w2 = 3e4
     speed = 0.1
     g = damping * math.sqrt(w2)
     slowest = g if damping <= 1 else w2 / (g + math.sqrt(g * g - w2))
     most = 10**lasting / slowest
-    # The force on the slider changes at a rate that is `end` times as large in the end,
-    # the other way if negative.
+    # The rate of change of the force is `end` times as large at the end, and opposite
+    # if `end` is negative.
     rate = 0.7 * w2 * speed
     turn = 0.5 * rate * (end - 1) / most
     flight = flight_of(2 * g, w2, 0.0, force * w2 * speed / slowest, rate, turn)
@@ -180,7 +179,7 @@ def test_pauses_change_nothing(monkeypatch):
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
-    """To and fro: entries go stale on both sides, queues are filled anew many times."""
+    """Back and forth: entries expire on both sides, and queues are refilled often."""
     interface = ss.Interface(thresholds=ss.Uniform(low=0.01, high=0.05))
     method = ss.Contacts(N, seed=5)
     slider = ss.Slider(stiffness=4.0, mass=1e-2, damping=3.0)
@@ -202,7 +201,7 @@ FORCES = st.floats(0.1, 2.0)
 @settings(max_examples=300)
 @given(RATES, FORCES, FORCES, st.floats(0.0, 10.0), st.floats(-8.5, 0.0))
 def test_a_box_reaches_halfway_to_a_threshold(rate, newborn, strength, age, gap):
-    """However near to a threshold that grows or sinks, it never leaves its box."""
+    """However near to a rising or falling threshold, it never leaves its box."""
     rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
     threshold = threshold_now(rule, strength, age)
     x = threshold - strength * 10.0**gap
@@ -222,21 +221,21 @@ def test_a_box_reaches_halfway_to_a_threshold(rate, newborn, strength, age, gap)
     ],
 )
 def test_thresholds_below_the_rounding_of_positions_break(mechanism):
-    """One threshold in twenty is below the last digits of the slider's way."""
+    """One threshold in twenty is below the rounding of the slider's position."""
     fields = {"delay": ss.Delay(0.05), **mechanism}
     interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=2.0), **fields)
     slider = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0)
     how = {"method": ss.Contacts(50, seed=3), "start": ss.FromSliding()}
     rig = ss.Rig(interface, slider, ss.constant(1.0, 200.0), **how)
     run = ss.simulate(rig, output=ss.Output(interval=0.01))
-    # each of many memories of the force
+    # each many correlation times of the force long
     means = run.spring_force[1:].to_numpy().reshape(20, -1).mean(axis=1)
     mean = ss.kinetic_friction(interface, 1.0) + slider.mass * slider.damping
     assert abs(means.mean() - mean) < 4.0 * means.std(ddof=1) / math.sqrt(20)
 
 
 def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
-    """Long after the beginning rounding of time exceeds what is left of the way."""
+    """Long after the start the rounding of time exceeds the remaining distance."""
     growth = ss.LogarithmicGrowth(slope=0.0554, time=0.0424)
     interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), ageing=growth)
     slider = ss.Slider(stiffness=0.825, mass=1.87e-4, damping=11.0)

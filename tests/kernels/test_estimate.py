@@ -1,5 +1,5 @@
 """Work is estimated before it starts: what would take hours is refused in one line,
-unless it is asked for.
+unless it is requested.
 """
 
 import math
@@ -42,7 +42,7 @@ TOO_MUCH = {
 
 @pytest.mark.parametrize("key", TOO_MUCH)
 def test_a_run_that_would_take_hours_names_the_number_that_makes_it_so(key):
-    """And what the message proposes is enough."""
+    """And the number that the message proposes suffices."""
     rig = TOO_MUCH[key]
     words = rf"^{key} = .* would take about .*; give at .*long=True \(--long\)"
     with pytest.raises(ss.InputError, match=words) as caught:
@@ -65,8 +65,8 @@ def test_a_long_run_can_be_asked_for(monkeypatch):
 
 
 def test_only_what_happens_in_a_run_is_counted():
-    """Pieces that end on travel, a kick that rings on, sliders that stick and ring
-    in place, contacts that wait.
+    """Pieces that end after a distance, an impulse that rings on, sliders that stick
+    and ring in place, contacts that wait.
     """
 
     def seconds(**changes):
@@ -82,7 +82,7 @@ def test_only_what_happens_in_a_run_is_counted():
     message = "breaks of 1e\\+02 contacts would take about"
     with pytest.raises(ss.InputError, match=message):
         ss.simulate(at_once.replace(start=shaken))
-    # contacts that are detached for a while do not break in it, however far it goes
+    # contacts that are detached for long do not break, however far it goes
     assert seconds(start=shaken) < 1.0
     with pytest.raises(ss.InputError, match=r"simulation\.contacts = 1e\+08: .* GB"):
         ss.simulate(RIG.replace(method=MANY, drive=short))
@@ -90,7 +90,7 @@ def test_only_what_happens_in_a_run_is_counted():
     waits = estimate(RIG.replace(interface=waiting)).parts
     parts = {part.key: part.what for part in waits}
     assert parts["simulation.contacts"] == "about 1e+02 breaks of 1e+02 contacts"
-    # no more than there are, once it has rung
+    # no more than there are, once the ringing is over
     for duration, turns in ((0.1, "10"), (20.0, "1.5e+02")):
         soft = RIG.replace(stiffness=0.1, drive=ss.constant(1.0, duration))
         most = estimate(soft).parts[0].what
@@ -104,19 +104,19 @@ WARM = {"activation": ss.Bell(width=0.02, attempts=1e4)}
 @pytest.mark.parametrize(
     ("interface", "velocity", "expected"),
     [
-        # at rest: each contact waits for heat, exp(10)/1e6, and for the delay
+        # at rest: each contact waits for activation, exp(10)/1e6, and for the delay
         (HOT, 0.0, 1e1 / (math.exp(10) / 1e6 + 0.02)),
-        # sliding so slowly that heat breaks it where a break is due: a logarithm before
-        # the threshold
+        # so slow that contacts break by activation where a break is due, a logarithm
+        # early
         (WARM, 1.0, 1e1 / (1.0 - 0.02 * math.log(200.0))),
-        # growing more slowly than it is stretched: it holds little longer than a
-        # newborn
+        # a threshold that grows more slowly than the stretching: contacts hold little
+        # longer than newborns
         ({"ageing": ss.ExponentialGrowth(rate=0.1, newborn=0.01)}, 1.0, 1e3),
         ({"delay": ss.OnArrest()}, 1.0, 1e1),
     ],
 )
 def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
-    """Thresholds alike; within the factor 2 that renewal theory leaves."""
+    """With equal thresholds; within the factor 2 that renewal theory allows."""
     thresholds = ss.Gaussian(mean=1.0, std=1e-3)
     contacts = ss.Interface(thresholds=thresholds, **interface)
     rig = RIG.replace(interface=contacts, drive=ss.constant(velocity, 10.0))
@@ -138,7 +138,7 @@ AGED = {  # rate, std and newborn of the contacts; mass; velocities of the drive
 
 
 def steps_of(rig, at_once=10):
-    """Count the steps of a run of ageing contacts, to some at once."""
+    """Count the steps of a run of ageing contacts, in batches."""
     solver = engine_of(rig.interface, rig.method)
     courses = []
 
@@ -164,7 +164,7 @@ def steps_of(rig, at_once=10):
 )
 @pytest.mark.parametrize("numbers", AGED.values(), ids=AGED)
 def test_contacts_that_age_take_as_many_steps_as_were_said(numbers, method, words):
-    """However soon they forget: a slider that never rings answers within that time."""
+    """However short their memory: a slider that never rings responds within it."""
     rate, std, newborn, mass, velocities = numbers
     thresholds = ss.Gaussian(mean=1.0, std=std)
     ageing = ss.Langevin(rate=rate, newborn=newborn)
@@ -184,7 +184,7 @@ SLOW_BAR = pytest.param("pmma_bar", marks=pytest.mark.slow)
 @pytest.mark.takes(8)
 @pytest.mark.parametrize("name", [*QUICK, SLOW_BAR])
 def test_the_estimate_holds_for_the_examples(name):
-    """Within a factor 3 on a quiet machine; a busy one may differ by as much again."""
+    """Within a factor of 3 on an idle machine, twice that on a busy one."""
     rig = ss.example(name)
     ss.simulate(ss.example("brake_pad"))  # compiled
     took = math.inf
@@ -215,7 +215,7 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
 
 @pytest.mark.parametrize(("least", "lines"), [(60.0, 0), (1e-9, 1)])
 def test_a_run_of_a_minute_is_announced(tmp_path, monkeypatch, caplog, least, lines):
-    """A run that takes more than the least time is announced in one line."""
+    """A run that takes more than a minimum time is announced in one line."""
     place = tmp_path / "rig.toml"
     rig = RIG.replace(drive=ss.constant(1.0, duration=0.1))
     place.write_text(rig_files.to_toml(rig))
@@ -239,7 +239,7 @@ def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
 
 
 def test_stiff_dashpots_ask_for_short_steps():
-    """In proportion to the viscosity, once they need shorter ones than the springs."""
+    """In proportion to the viscosity, once dashpots need shorter steps than springs."""
     body = ss.Chain(blocks=8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
     drive = ss.constant(1.0, duration=1.0)
     rig = ss.Rig(INTERFACE, body, drive, method=ss.Contacts(20))
@@ -301,12 +301,12 @@ def steps_along(rig):
 
 
 def seconds_by_count(rig):
-    """Seconds of all steps of a run, by their number and cohorts."""
+    """Estimated seconds of all steps of a run, by their number and cohorts."""
     return sum(seconds for _, seconds in steps_along(rig))
 
 
 def said_of_cohorts(rig):
-    """Seconds of the steps of cohorts, by estimate."""
+    """Estimated seconds of the steps of cohorts."""
     parts = estimate(rig).parts
     (said,) = (part.seconds for part in parts if part.key == "simulation.rtol")
     return said
@@ -314,7 +314,7 @@ def said_of_cohorts(rig):
 
 @pytest.mark.parametrize("name", ON_PANELS)
 def test_a_run_takes_as_many_steps_as_were_said(name):
-    """Whether it slips or slides, which only a trial of its first part shows."""
+    """Whether it slips or slides, which only a run of its first part shows."""
     how = {"method": ss.MasterEquation(rtol=1e-5), "drive": ss.constant(1.0, 40.0)}
     tried = RIG.replace(**how).replace(**ON_PANELS[name])
     took = seconds_by_count(tried)
@@ -322,8 +322,8 @@ def test_a_run_takes_as_many_steps_as_were_said(name):
 
 
 def ringing_rig(decade, seed):
-    """A random slider on the master equation: its mass is of a decade, its width and
-    damping are of any; it rings for some hundred radians after the first slip.
+    """A random slider on the master equation: its mass is of a given decade, its width
+    and damping are random; it rings for some hundred radians after the first slip.
     """
     rng = np.random.default_rng([decade + 20, seed])
     low = (decade, -0.5, -1.5)
@@ -343,8 +343,8 @@ def ringing_rig(decade, seed):
 
 @pytest.mark.parametrize("decade", [-9, -6, -3])
 def test_the_master_equation_is_estimated_over_decades(decade, monkeypatch):
-    """Within a factor 2 from a part of the run, by the same prices of steps and
-    cohorts; what takes less than a hundredth of a second need not be known.
+    """Within a factor of 2 from a part of the run, with the same costs of steps and
+    cohorts; anything below a hundredth of a second need not be known.
     """
     monkeypatch.setattr("stickslip.simulation.engines.panel_trial._LEAST", 0.01)
     little = 0.01
@@ -357,7 +357,7 @@ def test_the_master_equation_is_estimated_over_decades(decade, monkeypatch):
 
 @pytest.mark.parametrize("method", [ss.Contacts(100), ss.MasterEquation()])
 def test_pieces_of_a_drive_and_snapshots_take_time(method):
-    """Each begins anew, however little it asks for: a thousand take as much more."""
+    """Each starts anew, however short it is: a thousand take as much more."""
 
     def pieces(count):
         piece = ss.constant(1.0, 1.0 / count).pieces
@@ -422,13 +422,13 @@ def test_an_answer_on_more_blocks_than_memory_takes_is_refused():
 
 
 def test_a_search_on_a_slider_that_hardly_starts_is_refused():
-    """Its cycle takes 1e15 times the way that a first part of a run shows."""
+    """Its cycle takes 1e15 times the distance of the first part of a run."""
     with pytest.raises(ss.InputError, match=r"\d+ runs, .* would take about"):
         ss.sustained(RIG.replace(mass=1e30), "velocity", between=(0.5, 2.0), points=12)
 
 
 def test_a_cycle_that_is_not_complete_in_reach_ends_in_one_line(monkeypatch):
-    """Contacts with so heavy a tail load on for ever: each look is twice as long."""
+    """Contacts with so heavy a tail load without end: each attempt is twice as long."""
     monkeypatch.setattr("stickslip.cycles.cycle_run._LONG", 0.05)
     thresholds = ss.LogNormal(mean=1.0, std=50.0)
     rig = RIG.replace(interface=replace(INTERFACE, thresholds=thresholds))

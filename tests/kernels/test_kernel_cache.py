@@ -1,4 +1,4 @@
-"""Machine code of kernels: kept, but never beyond a change of what a kernel calls."""
+"""Compiled code of kernels: cached, but never used once what a kernel calls differs."""
 
 import json
 import os
@@ -50,7 +50,7 @@ print(json.dumps([
 
 @pytest.fixture
 def house(tmp_path):
-    """A copy of the kernels, with two more that lie in files of their own."""
+    """A copy of the kernels, with two more in files of their own."""
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(HERE, tmp_path / "kernels", ignore=ignored)
     write(tmp_path)
@@ -63,7 +63,9 @@ def write(house, factor=2.0):
 
 
 def run(house, **environment):
-    """What the callers give for 2, how often each came from the cache, its place."""
+    """Return what the callers give for 2, how often each came from the cache, its
+    folder.
+    """
     kept = dict(os.environ)
     kept.pop("NUMBA_CACHE_DIR", None)
     how = {"capture_output": True, "text": True, "check": True}
@@ -79,7 +81,7 @@ def test_only_what_a_change_in_another_file_concerns_is_compiled_again(house):
     write(house, 6.0)
     assert run(house)[:2] == [[12.0] * 3, [0] * 3]
     write(house, 2.0)
-    assert run(house)[:2] == [[4.0] * 3, [1] * 3]  # back on the other branch
+    assert run(house)[:2] == [[4.0] * 3, [1] * 3]  # as on the first branch
 
 
 @pytest.mark.slow
@@ -126,7 +128,8 @@ def test_a_cache_of_the_users_choice_is_used(house):
 @pytest.mark.takes(6)  # five interpreters start
 def test_files_of_machine_code_that_were_cut_are_compiled_anew(house):
     place = Path(run(house)[2])
-    # an index, of one function, and the code of another, cut to nothing and in between
+    # the index of one function, and the code of another, cut to nothing and in the
+    # middle
     for kept in (0, 40):
         names = (f"caller.product_{name}" for name in ("jit*.nbi", "bare*.nbc"))
         cut = [file for name in names for file in place.rglob(name)]
@@ -143,7 +146,7 @@ def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_pa
     temporary = tmp_path / "tmp"
     here.mkdir()
     temporary.mkdir()
-    (house / "kernels" / "__pycache__").touch()  # no folder can be made of it
+    (house / "kernels" / "__pycache__").touch()  # no folder can be made there
     environment = os.environ | {
         "HOME": "/proc/nowhere",
         "TMPDIR": str(temporary),
@@ -167,7 +170,7 @@ def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_pa
     assert json.loads(second.stdout)[:2] == [[4.0] * 3, [1] * 3]
     assert second.stderr == ""
     assert not list(here.iterdir())
-    place.parent.chmod(0o755)  # anybody may look into it, but not be trusted
+    place.parent.chmod(0o755)  # all may read it, but its code is not trusted
     assert json.loads(used().stdout)[2] == "None"
 
 

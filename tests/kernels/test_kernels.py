@@ -1,5 +1,5 @@
-"""The small kernels, each against what it stands for; the engines that are made of
-them have tests of their own.
+"""The small kernels, each against the function it replaces; engines made of them have
+their own tests.
 """
 
 import math
@@ -34,12 +34,12 @@ def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
     played = trees.copy()
     played[:, :-slots] = -1.0
     tournament.play(played, slots)
-    assert np.array_equal(played, trees)  # the other one has not changed
+    assert np.array_equal(played, trees)  # the other tree has not changed
     assert trees.shape[1] >= slots
 
 
 def plain_turns(force, drop, rise):
-    """Peaks, each proved by a drop, and the troughs after them."""
+    """Return the peaks, each confirmed by a drop, and the troughs after them."""
     found = []
     falling = False
     best = 0
@@ -71,7 +71,7 @@ def test_turning_points(force, drop, rise):
     [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)],
 )
 def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
-    """Samples fall at most one slope short of a peak; noise and rounding add to it."""
+    """Samples miss a peak by at most one step of the slope; noise and rounding add."""
     peaks = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0])
     troughs = np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
     seen = np.full((2, 4), np.nan)
@@ -86,7 +86,7 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
         assert np.all(seen[0] <= peaks[1:5] + 4 * noise)
         assert np.all(seen[1] >= troughs[1:5] - 4 * noise)
     few = np.full((2, 9), np.nan)
-    # no more are there
+    # there are no more
     rng = np.random.default_rng(1)
     assert turning_points.observe(peaks, troughs, sampling, rng, few) == 4
 
@@ -101,7 +101,7 @@ HAZARDS = [
 
 
 def plain_rate(held, x, threshold):
-    """The rate as it stands in the docstrings of `Bell`, `Parabolic` and `Barrier`."""
+    """The rate as in the docstrings of `Bell`, `Parabolic` and `Barrier`."""
     if held.kind == BELL:
         return held.attempts * math.exp((abs(x) - threshold) / held.width)
     if held.kind == PARABOLIC:
@@ -176,7 +176,7 @@ def test_out_of_reach_is_out_of_reach(eta, w2, v, f0, f1):
     ],
 )
 def test_work_of_the_oscillator(mass, damping, length, tolerance):
-    """Against the integrated equation of motion, through turns and slow breaks."""
+    """Against the integrated equation of motion, through reversals and slow breaks."""
     K = 1.5
     begin = 0.1
     start = Motion(0.1, 0.15, -0.4)

@@ -1,4 +1,4 @@
-"""Random numbers that belong to a contact and a life of it."""
+"""Random numbers that are a function of a contact and its life."""
 
 import numpy as np
 import pytest

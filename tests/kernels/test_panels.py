@@ -1,5 +1,5 @@
-"""The master equation on panels: conserving always, of high order where it is
-smooth, to its tolerance elsewhere.
+"""The master equation on panels: conserving, of high order where smooth, else to its
+tolerance.
 """
 
 import math
@@ -39,7 +39,7 @@ def regular(distribution):
 
 @cache
 def breaking(distribution):
-    """At fixed thresholds."""
+    """A case with fixed thresholds."""
     distribution = distribution.positive()
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array([at for at in distribution.knots if 0 < at <= top * 1.000001])
@@ -60,7 +60,7 @@ NEVER_BACK = after()
 
 
 def narrow(std=0.01):
-    """Relaxed contacts: nodes of Gauss on panels of a bell."""
+    """Relaxed contacts: Gauss nodes on panels of a bell curve."""
     edges = np.linspace(-7 * std, 7 * std, 33)
     x = edges[:-1, None] + np.diff(edges)[:, None] * GAUSS
     weight = np.exp(-0.5 * (x / std) ** 2) * WEIGHT
@@ -161,7 +161,7 @@ def test_nothing_breaks_the_slider_is_an_oscillator(damping):
     chain[1] = [-(K + 1) / M, -damping, *pulled]
     exact = np.array([expm(chain * t) @ [0, 2, 1, 0, 0] for t in rows.time])
     assert rows.position == pytest.approx(exact[:, 0], abs=1e-9)
-    # Between the nodes the velocity is a slope.
+    # Between nodes the velocity is the slope of the position.
     error = 1e-7 * math.sqrt((K + 1) / M)
     assert rows.velocity == pytest.approx(exact[:, 1], abs=error)
     assert rows.contact_force == pytest.approx(exact[:, 0], abs=1e-9)
@@ -235,8 +235,8 @@ def test_fourth_order_and_more_in_the_number_of_steps_through_a_slip(delays):
 
 
 def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
-    # Let go with a stretched spring and no damping: the first oscillation decides what
-    # breaks, however long the steps.
+    # Released with a stretched spring and no damping: the first oscillation decides
+    # what breaks, however long the steps.
     slider = SLIDER._replace(damping=0.0)
     start = initial_state(breaking(GAUSSIAN), NEVER_BACK, *AT_REST)
     pull = Quadratic(0.0, 0.70, 0.0, 0.0)
@@ -283,8 +283,8 @@ def test_distributions_all_but_equal_do_not_stall_it():
     alike = Uniform(low=1.0, high=1.0 + 1e-7)
     progress = run(3.0, distribution=alike, delays=after(0.1), max_steps=50_000)
     assert progress.reason == FINISHED
-    # What attaches jumps where all had broken at once: no step there is taken that was
-    # not solved, with all at rest.
+    # The attached mass jumps where all had broken at once: a step there that was not
+    # solved is never accepted.
     motion = progress.state.motion
     moving = 0.5 * SLIDER.mass * motion.velocity**2
     pulled = 0.5 * motion.drive_force**2 / SLIDER.stiffness

@@ -1,8 +1,7 @@
 """With the compiler off the kernels are plain Python, the readable reference: the same
-numbers, rounding aside.
+numbers except for rounding.
 
-`python test_plain.py` prints the results of small cases that between them go through
-every kernel.
+`python test_plain.py` prints the results of small cases that together run every kernel.
 """
 
 import json
@@ -148,7 +147,7 @@ def small_cases():
 
 
 def results():
-    """What every case gives, as JSON takes it."""
+    """Return the results of every case, ready for JSON."""
     return {name: make() for name, make in small_cases().items()}
 
 
@@ -161,7 +160,7 @@ def compiled_and_plain():
 
 
 def leaves(value, path=""):
-    """Arrays of numbers in nested results, by where they stand."""
+    """Return the arrays of numbers in nested results, by their path."""
     if isinstance(value, dict):
         for key, item in value.items():
             yield from leaves(item, f"{path}/{key}")

@@ -1,4 +1,6 @@
-"""Contacts counted by cohorts: mean and fluctuation of single ones, none is lost."""
+"""Contacts counted by cohorts: means and fluctuations of independent contacts; none is
+lost.
+"""
 
 import math
 from dataclasses import replace
@@ -22,7 +24,7 @@ SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
 
 
 class Several(ss.model.DelayModel):
-    """None for half of the contacts, and a given one for the others."""
+    """No delay for half of the contacts, and a given one for the others."""
 
     def moment(self, order):
         return 1.0 if order == 0 else 0.5 * 0.1**order
@@ -103,8 +105,8 @@ def test_fluctuations_in_rigid_sliding(delay, count):
     track = rigidly(interface, method, ss.constant(1.0, times[-1]), times)
     F = track["friction_force"]
     A = track["attached"]
-    # A contact's force forgets in a life: so many independent values, of a variance
-    # with a relative error of sqrt(2/n).
+    # A contact's force is uncorrelated after a life: the number of independent values n
+    # gives a relative error of sqrt(2/n).
     slack = 4 * math.sqrt(2 / lifetimes)
     assert F.var() * count == pytest.approx(force, rel=slack)
     error = 4 * math.sqrt(force / count / lifetimes) + 1e-5
@@ -114,11 +116,11 @@ def test_fluctuations_in_rigid_sliding(delay, count):
 
 @pytest.mark.slow
 def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
-    """In octaves up to the frequency of the samples, with errors from the scatter of
-    parts of the run.
+    """In octaves up to the sampling frequency, with errors from the scatter of parts of
+    the run.
 
-    What is faster than steps is too weak: by 7 % in the last octave at the default
-    tolerance.
+    Fluctuations faster than steps are too weak: by 7 % in the last octave at the
+    default tolerance.
     """
     parts = 16
     length = 2**13
@@ -186,7 +188,7 @@ def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
 
 
 def test_newborns_of_a_slider_at_rest_do_not_push_it():
-    """It trembles ever faster, and the force stays: no direction lasts."""
+    """It oscillates ever faster, and the force stays: no direction persists."""
     delay = ss.RandomDelay(mean=0.5, std=0.15)
     fields = {"delay": delay, "newborn": ss.Gaussian(mean=0.3, std=0.0)}
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), **fields)

@@ -1,4 +1,4 @@
-"""Rigid motion by convolution: closed forms, brute force, the paper, the order."""
+"""Rigid motion by convolution: closed forms, brute force, the paper, orders."""
 
 from functools import partial
 
@@ -70,7 +70,7 @@ def test_contacts_that_never_come_back_follow_the_survival(distribution):
     [((0.0,), (1.0,)), ((0.25,), (1.0,)), ((0.0, 0.1, 0.5), (0.2, 0.5, 0.3))],
 )
 def test_brute_force_gives_the_same(shift, fraction):
-    # Marching in X, trapezoidal rule: no transform, no product integration, no
+    # Steps in X by the trapezoidal rule: no transform, no product integration, no
     # cumulative unknown.
     distribution = GAUSSIAN
     h = 0.0025
@@ -85,7 +85,7 @@ def test_brute_force_gives_the_same(shift, fraction):
         density = distribution.positive().density(x + X) / distribution.survival(abs(x))
         breaks += w * np.where(x + X >= abs(x), density, 0.0)
     for i in range(n):
-        # P(0) is nothing, and what is born at X = 0 too
+        # P(0) is 0, and so is the mass born at X = 0
         breaks[i] += h * (P[1 : i + 1] @ born[:i][::-1])
         born[i] = sum(
             s * breaks[i - k] for s, k in zip(fraction, lag, strict=True) if k <= i

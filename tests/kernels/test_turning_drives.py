@@ -1,7 +1,7 @@
-"""Random rigs, from ringing to overdamped a thousandfold, under drives that turn round.
+"""Random rigs, from ringing to a thousandfold overdamped, under drives that reverse.
 
-Both solvers fly long stretches in one closed form; a slider that turns round within one
-must still break all that it reaches. What is asked here holds for every rig: no force
+Both solvers cover long intervals in one closed form; a slider that reverses within one
+must still break all contacts that it reaches. The checks hold for every rig: no force
 beyond the thresholds, balances that close, and the same motion as a plain loop in small
 steps and as the other solver.
 """
@@ -33,13 +33,13 @@ from stickslip.simulation.engines.base import Advance
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
 COARSE = ss.MasterEquation(rtol=2e-4)
-ONE_RUN = 10.0 * COARSE.rtol  # to which the master equation knows where the slider is
+ONE_RUN = 10.0 * COARSE.rtol  # accuracy of the slider's position
 QUICK = 8
 ALL = 312
 
 
 def seeds(quick):
-    """All seeds, those slow that are not quick."""
+    """Return all seeds, marking as slow those that are not quick."""
     slow = pytest.mark.slow
     return [pytest.param(n, marks=() if n in quick else slow) for n in range(ALL)]
 
@@ -62,15 +62,15 @@ class Case:
 
 
 def case_of(seed):
-    """A random rig whose drive turns in each of one to three pieces, breaking some."""
+    """A random rig whose drive reverses in each of one to three pieces, with breaks."""
     rng = np.random.default_rng([seed, 2024])
     ratio, stiffness, omega = 10 ** rng.uniform([-2, math.log10(0.3), 0], [3, 1, 2])
     mass = (stiffness + 1.0) / omega**2
     slider = ss.Slider(stiffness=stiffness, mass=mass, damping=2.0 * ratio * omega)
     pieces = []
     for _ in range(rng.integers(1, 4)):
-        # Long against the slowest relaxation, so that in most pieces all of it has
-        # decays.
+        # Long compared with the slowest relaxation, which in most pieces decays
+        # completely.
         duration = 10 ** rng.uniform(1.5, 3.3) * max(ratio, 1.0) / omega
         farthest = rng.uniform(0.3, 3.0) * (stiffness + 1.0) / stiffness
         velocity = rng.choice([-1, 1]) * 4.0 * farthest / duration
@@ -80,7 +80,7 @@ def case_of(seed):
 
 
 def delay_of(seed, drive):
-    """None, for ever, or some part of a piece."""
+    """No delay, an infinite one, or some part of a piece."""
     return ss.Delay([0.0, math.inf, 0.02 * drive.pieces[0].duration][seed % 3])
 
 
@@ -92,7 +92,7 @@ def run_of(case, delay, method, samples=2000):
 
 
 def matrix_of(slider, held):
-    """Rates of slider and drive, position to acceleration, and the contacts' pull."""
+    """Rates of slider and drive, position to acceleration, and the contacts' force."""
     matrix = np.zeros((6, 6))
     matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
     held += slider.stiffness
@@ -102,12 +102,12 @@ def matrix_of(slider, held):
 
 
 def plain(case, birth, threshold, newborn, delay, times):
-    """Position, force and number of attached contacts, in small steps, each contact
-    looked at in each.
+    """Return position, force and number of attached contacts, in small steps that check
+    each contact.
 
-    The slider's equation is linear while the contacts that hold are the same: a step is
-    a matrix exponential. Where a contact would be stretched beyond its threshold, or
-    the slider turns close to it, the moment is found by bisection.
+    The slider's equation is linear while the same contacts hold: a step is a matrix
+    exponential. Where a contact would be stretched beyond its threshold, or the slider
+    reverses close to it, the moment is found by bisection.
     """
     slider = case.slider
     N = len(birth)
@@ -126,7 +126,7 @@ def plain(case, birth, threshold, newborn, delay, times):
         return holds & (np.abs(state[0] - birth) >= threshold - margin)
 
     def first(state, dt, happens):
-        """Time in (0, dt] at which something first happens, as it does at the end."""
+        """Time in (0, dt] at which something first happens, as it has by the end."""
         low = 0.0
         high = dt
         while high - low > 1e-14 * dt and low < 0.5 * (low + high) < high:
@@ -151,7 +151,7 @@ def plain(case, birth, threshold, newborn, delay, times):
                 there = go(state, dt)
                 way = dt * (abs(state[1]) + abs(there[1]))
                 if state[1] * there[1] < 0.0 and broken(there, way).any():
-                    # The farthest point lies within the step, and may be too far.
+                    # The farthest point may lie within the step and be too far.
                     sign = np.sign(there[1])
                     dt = first(state, dt, lambda at, sign=sign: at[1] * sign >= 0.0)
                     there = go(state, dt)
@@ -203,7 +203,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     for piece in case.drive.pieces:
         end = begin + piece.duration
         drive = Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
-        # with `None` as the engine says, or it is compiled once more
+        # with `None`, as the engine passes it; else it is compiled again
         how = sampling, draws, 10**8, None
         assert kernel.advance_events(state, slider, drive, *how) == FINISHED
         begin = end
@@ -246,7 +246,9 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
 )
 @pytest.mark.eq(11)
 def test_ageing_contacts_hold_a_slider_as_springs_do(damping, ageing, method):
-    """Below all thresholds contacts are springs, up to 5e5 fastest relaxations."""
+    """Below all thresholds contacts are springs, for up to 5e5 of the fastest
+    relaxation times.
+    """
     thresholds = ss.Gaussian(mean=1.0, std=0.1)
     initial = ss.Gaussian(mean=0.0, std=1e-9)
     interface = ss.Interface(thresholds=thresholds, initial=initial, ageing=ageing)
@@ -264,7 +266,7 @@ def test_ageing_contacts_hold_a_slider_as_springs_do(damping, ageing, method):
 
 
 def pieces_of(seed):
-    """Holds, ramps that turn round and jumps of the velocity, at odd times."""
+    """Holds, ramps that reverse and jumps of the velocity, at odd times."""
     rng = np.random.default_rng([seed, 31])
     drive = ss.constant(rng.uniform(0.3, 2.0), rng.uniform(0.1, 5.0))
     for kind in rng.integers(0, 3, rng.integers(2, 7)):

@@ -1,5 +1,5 @@
-"""Where both smooth sliding and stick-slip persist, each by itself: between a fold
-and a linear boundary.
+"""The ranges in which both smooth sliding and stick-slip persist: between a fold and a
+linear boundary.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class BistableRange(Intervals):
-    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is
-    an answer too.
+    """Ranges of a parameter in which both smooth sliding and stick-slip persist; an
+    empty result is also an answer.
     """
 
     _items = "bands"
 
-    bands: tuple[Interval, ...]  #: rising
+    bands: tuple[Interval, ...]  #: in increasing order
     crossings: Crossings  #: the linear boundaries in the range
-    contacts: int | None = None  #: of the runs of a structure; no noise without
+    contacts: int | None = None  #: number in runs of a structure; None without noise
     notes: tuple[str, ...] = ()  #: places without a band, and why
 
     def __str__(self) -> str:
@@ -62,17 +62,17 @@ def bistable_range(
     step: float = 0.15,
     tolerance: float = TOLERANCE,
 ) -> BistableRange:
-    """Find where both smooth sliding and stick-slip persist: between the cycle's fold
-    and the linear boundary.
+    """Find the ranges in which both smooth sliding and stick-slip persist, between the
+    cycle's fold and the linear boundary.
 
-    At each value where smooth sliding loses stability (linear) the cycle is taken up on
+    At each value where smooth sliding loses stability (linear) the cycle is started on
     the unstable side and followed to the stable side until it decays. If there is no
-    such value, the cycle is looked for from rest on a grid of 17 values.
+    such value, the cycle is searched from rest on a grid of 17 values.
 
     Parameters
     ----------
     rig : Rig
-        The parameter's own value in it does not matter.
+        The rig; its own value of the parameter does not matter.
     parameter : Parameter or str
     between : (float, float)
         Range searched, in the rig's own units.
@@ -82,8 +82,8 @@ def bistable_range(
     Returns
     -------
     BistableRange
-        With the range searched. A cycle that lives apart from every linear boundary,
-        beside one that has a boundary, is not looked for.
+        The bands, and the range searched. Where one cycle has a linear boundary,
+        others that are apart from any boundary are not searched.
 
     Raises
     ------
@@ -121,13 +121,13 @@ def bistable_range(
     ends = [scan.low, *(edge.value for edge in crossings.edges), scan.high]
     for i, edge in enumerate(crossings.edges):
         each = _beside(scan, edge, ends[i] if edge.loses_stability else ends[i + 2])
-        # a band between two boundaries is seen from both
+        # a band between two boundaries is found from both
         found += [each] if each not in found else []
     if crossings.unstable_at_ends[0] and not found:
         found = [
             "smooth sliding is unstable in all of the range: only stick-slip persists"
         ]
-    elif not found:  # a cycle apart from any boundary
+    elif not found:  # search for a cycle apart from any boundary
         try:
             first = first_point(scan)
             low, high = (
@@ -146,7 +146,9 @@ def bistable_range(
 
 
 def _beside(scan: ParameterScan, edge: Crossing, furthest: float) -> Interval | str:
-    """The band from a linear boundary on towards a value, or why there is none."""
+    """Return the band that extends from a linear boundary towards a value, or why there
+    is none.
+    """
     downwards = edge.loses_stability  # smooth sliding is stable below
     boundary = (
         f"the linear boundary {scan.parameter.name} = {scan.in_words(edge.value)}"
@@ -183,32 +185,32 @@ def bistable_region(
     places: int = 7,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
-    """Find the ends of the bistable band along one parameter at some values of another;
-    takes seconds for each.
+    """Find the ends of the bistable band along one parameter at several values of
+    another; takes seconds for each.
 
     Parameters
     ----------
     rig : Rig
-        The values of the two parameters in it do not matter.
+        The rig; its values of the two parameters do not matter.
     over : (str, str)
-        Names of two parameters: bands lie along the second.
+        Names of two parameters; bands extend along the second.
     edge : xarray.Dataset
         The linear boundary over the two parameters, from
-        `stickslip.stability.boundary`: the places are spread over it.
+        `stickslip.stability.boundary`; the values of the first are spread over it.
     between : (float, float)
         Range of the second parameter.
     places : int
-        Values of the first parameter.
+        Number of values of the first parameter.
     progress : callable, optional
-        Called with the fraction that is done.
+        Called with the completed fraction.
 
     Returns
     -------
     xarray.Dataset
         Along ``band``: ``band_<first>``, ``band_<second>_low`` and
-        ``band_<second>_high``, and ``band_<second>_fold``, whichever of the two is
-        where stick-slip decays (NaN if that lies beyond the range). Places at which no
-        band was found, or where a run did not decide, are left out.
+        ``band_<second>_high``, and ``band_<second>_fold``, the one of the two at which
+        stick-slip decays (NaN if that lies beyond the range). Values of the first at
+        which no band was found, or a run did not decide, are omitted.
 
     Examples
     --------

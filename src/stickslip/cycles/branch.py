@@ -37,14 +37,15 @@ def cycle_branch(
     step: float = 0.05,
     tolerance: float = 2e-3,
 ) -> xr.Dataset:
-    """Follow the cycle of stick-slip in a parameter, both ways, up to where it decays
-    (nonlinear).
+    """Follow the cycle of stick-slip in a parameter, in both directions, up to where it
+    decays (nonlinear).
 
-    The motion is carried on from value to value: the parameter is varied by a step, the
-    motion settles again. Where it decays the step is halved and taken back, until the
-    end of the branch is known to the tolerance. A cycle of finite amplitude ends at a
-    fold, where it meets an unstable cycle; forward runs do not go round it. Lowered
-    slowly, the velocity ends at ``v1'``, and raised at ``v2`` if there is one.
+    The motion is continued from value to value: the parameter is changed by a step, and
+    the motion settles again. Where it decays, the step is halved and tried again, until
+    the end of the branch is known to the tolerance. A cycle of finite amplitude ends at
+    a fold, where it meets an unstable cycle; forward runs do not go around it. For the
+    velocity the ends are ``v1'`` on the way down, and ``v2``, if there is one, on the
+    way up.
 
     Parameters
     ----------
@@ -53,20 +54,20 @@ def cycle_branch(
     between : (float, float)
         Range of the parameter, in the rig's own units, both ends above 0.
     begin : float, optional
-        Value at which to look for the cycle first, from rest; by default that of the
-        rig, or, if no oscillation persists there, the first at which one does of 17
-        over the range.
+        Value at which the cycle is first searched, from rest; by default that of the
+        rig or, if no oscillation persists there, the first of 17 values over the range
+        at which one does.
     step : float
-        Largest change of the parameter at once, as a fraction of it.
+        Largest change of the parameter in one step, as a fraction of its value.
     tolerance : float
         Relative width of the bracket about the ends of the branch.
 
     Returns
     -------
     xarray.Dataset
-        Along the parameter, rising: ``amplitude`` (peak to peak of the spring force),
-        ``period``, ``largest_velocity`` of the slider, ``mean_force``, and
-        ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
+        Along the parameter, in increasing order: ``amplitude`` (peak to peak of the
+        spring force), ``period``, ``largest_velocity`` of the slider, ``mean_force``,
+        and ``linearly_unstable`` (whether smooth sliding is unstable). Attributes:
         ``low_end`` and ``high_end`` ("fold", "end of range", "shrinks to nothing" or
         "undecided"), and the brackets ``low_decays_at``, ``low_persists_at``,
         ``high_decays_at``, ``high_persists_at``.
@@ -74,7 +75,7 @@ def cycle_branch(
     Raises
     ------
     UndecidedError
-        If no oscillation persists at `begin`, or anywhere that was looked.
+        If no oscillation persists at `begin`, or at any of the values tried.
 
     Examples
     --------
@@ -155,8 +156,8 @@ def cycle_branch(
 
 
 def first_point(scan: ParameterScan, begin: float | None = None) -> CyclePoint:
-    """Look for a cycle from the start: at a value, or at the rig's own and then over
-    the range from its middle on.
+    """Find a cycle from the start, at a value, or at the rig's own and then over the
+    range from its middle outwards.
 
     Raises `UndecidedError` if there is none.
     """
@@ -183,8 +184,8 @@ def carried(
     first: CyclePoint,
     until: float,
 ) -> tuple[list[CyclePoint], Edge]:
-    """Carry the cycle on towards a value; the points, from the first on, and the end
-    of the branch.
+    """Continue the cycle towards a value; return the points, beginning with `first`,
+    and the end of the branch.
     """
     points = [first]
     failed = first
@@ -214,8 +215,8 @@ def carried(
     if persistent is None:
         return points, Edge.of("undecided", value, points[-1].value)
     edge = halved(persists, value, points[-1].value, scan.tolerance)
-    # Where smooth sliding turns stable just as the cycle decays, the one has become the
-    # other.
+    # If smooth sliding becomes stable where the cycle decays, the cycle has shrunk into
+    # smooth sliding.
     gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
     bracketed = abs(math.log(edge[0] / edge[1])) <= scan.tolerance
     return points, Edge.of(

@@ -1,5 +1,5 @@
-"""A run under a constant drive that can be continued, measured, and switched to
-other parameters.
+"""A run under a constant drive that can be continued, measured, and switched to other
+parameters.
 """
 
 import itertools
@@ -47,28 +47,26 @@ from stickslip.structures.runs import (
 
 # the largest error that keeps the settled numbers; see `stickslip.cycles`
 METHOD = MasterEquation(rtol=1e-4)
-# of a free oscillation in one cycle, in radian, above which times are not known to a
-# part of one
+# phase (rad) of a free oscillation in one cycle, above which times are not resolved to
+# a fraction of a radian
 MOST_TURNS = 1e11
-MOST_TURNS_STEPPED = 3e6  # of a structure, which is followed in steps: some minutes
-# in a cycle: beside the steps of a slider that rings they cost little
+MOST_TURNS_STEPPED = 3e6  # the same for a structure, followed in steps: some minutes
+# most samples in a cycle; they cost little beside the steps of a slider that rings
 MOST_SAMPLES = 100_000
-LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
+LOOK = 3.0  # expected cycles in a look, after which the amplitude is measured
 
 _MANY = Contacts(10_000, seed=1)
-_NOISE = 6.0  # standard deviations from peak to peak of an oscillation
-_LONG = 20.0  # seconds from which a look is compared with the whole run by estimate
-_LOOKS = 7  # that a run takes, about: five steps that shrink, and where it begins
+_NOISE = 6.0  # peak to peak of an oscillation by noise, in standard deviations
+_LONG = 20.0  # seconds of a look above which it is compared with the whole run
+_LOOKS = 7  # usual looks of a run: its start, and five changes that shrink
 
 
-# each gives the seconds of an advance, the spring force at its samples, and its pull
+# either engine has the seconds of an advance, the spring force at samples, and the pull
 CycleEngine = Panels | SteppedStructure
 
 
 def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
-    """Raise `InputError`, with what would be right, if no cycle can be followed on a
-    rig.
-    """
+    """Raise `InputError`, with a remedy, if no cycle can be followed on a rig."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance(
         "cycles: start",
@@ -107,13 +105,13 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
 
 
 def contacts_of(rig: Rig) -> Contacts:
-    """Contacts that the runs of a structure are of: its own, or many."""
+    """Return the contacts for runs of a structure: those of its method, or 10,000."""
     return rig.method if isinstance(rig.method, Contacts) else _MANY
 
 
 def noise_of(rig: Rig) -> float:
-    """Peak to peak of the force that single contacts make under a structure in stable
-    smooth sliding, in natural units; 0 under a slider, whose contacts are not counted.
+    """Return the peak to peak of the force by the noise of contacts under a structure
+    in stable smooth sliding, in natural units; 0 under a slider, which has no noise.
     """
     if not isinstance(rig.slider, Structure):
         return 0.0
@@ -140,7 +138,9 @@ def _fastest(rig: Rig) -> float:
 
 
 def work_of_run(rig: Rig, start: Start) -> Work:
-    """Work of a run until it is clear whether its oscillation persists, most often."""
+    """Estimate the work of a run until it usually decides whether an oscillation
+    persists.
+    """
     velocity = rig.natural.velocity
     cycle = _expected_cycle(rig) / velocity
     duration = _LOOKS * LOOK * cycle
@@ -151,8 +151,8 @@ def work_of_run(rig: Rig, start: Start) -> Work:
 
 
 class _Meter:
-    """Seconds by count that an engine takes from now on for a look of a rig; called
-    after each advance.
+    """Adds up the estimated seconds of an engine during a look; called after each
+    advance.
     """
 
     def __init__(self, rig: Rig, engine: CycleEngine) -> None:
@@ -162,8 +162,8 @@ class _Meter:
         self.most = _LONG
 
     def __call__(self, _: float) -> None:
-        """Raise `UndecidedError` once a look has taken longer than the run by estimate:
-        the end of a cycle is not in reach.
+        """Raise `UndecidedError` once a look has taken longer than the estimate of the
+        whole run: the end of a cycle is out of reach.
         """
         self.spent += self.engine.seconds
         if self.spent > self.most:
@@ -179,8 +179,8 @@ class _Meter:
 
 
 class Look(NamedTuple):
-    """Measurement of a stretch of a few cycles; `cycles` are the amplitudes of those
-    that it completes, one by one.
+    """Measurement of an interval of a few cycles; `cycles` are the amplitudes of the
+    single cycles that it completes.
     """
 
     amplitude: float
@@ -192,23 +192,23 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CycleRun:
-    """A run under way, in natural units.
+    """An unfinished run, in natural units.
 
-    Immutable, so that one can go back and try again.
+    It is immutable, so that one can return to it and try again.
     """
 
-    rig: Rig  # with the scales that reasons are given in
+    rig: Rig  # with its scales, for messages
     engine: CycleEngine
     drive: Quadratic
-    cycle: float  # expected travel of the drive in one
-    # rows of the cycle that the last look has left unfinished
+    cycle: float  # expected travel of the drive in a cycle
+    # samples of the cycle that the last look has left incomplete
     begun: Array | None = None
 
     @classmethod
     def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Self:
-        """Return a rig at its start.
+        """Return a run at the start of a rig.
 
-        Raises `InputError` if a cycle lasts so long against the slider's own
+        Raises `InputError` if a cycle lasts so many periods of the slider's own
         oscillation that no run could follow it.
         """
         velocity = rig.natural.velocity
@@ -234,13 +234,13 @@ class CycleRun:
         return cls(rig, engine, Quadratic(0.0, place, velocity, 0.0), cycle)
 
     def look(self) -> tuple[Self, Look]:
-        """Go on for a few cycles and measure them; stretches of the drive too
-        short for that are doubled.
+        """Continue for a few cycles and measure them; if none is complete, the next
+        look is twice as long.
         """
         velocity = self.drive.velocity
         engine = self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
-        # One by one cycles go on from look to look; its own are those of the look.
+        # `completed` cycles may have begun in the last look; `cycles` are in this one.
         joined = (
             rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         )
@@ -268,8 +268,8 @@ class CycleRun:
         )
 
     def _samples(self, engine: CycleEngine, duration: float) -> Array:
-        """Follow the drive; times, spring force, slider velocity and slope of the force
-        at fine samples, as rows.
+        """Follow the drive; return times, spring force, slider velocity and rate of the
+        force at fine samples, as rows.
         """
         begin = engine.here()[0]
         each = self.cycle / self.drive.velocity
@@ -282,7 +282,7 @@ class CycleRun:
 
     def turned(self, rig: Rig) -> "CycleRun":
         """Return this run, continued with the parameters of another rig: forces and
-        positions, that of the drive included, are kept.
+        positions, including that of the drive, are kept.
         """
         before = self.drive
         velocity = rig.natural.velocity
@@ -298,16 +298,16 @@ class CycleRun:
 
 
 def _interval(rig: Rig, cycle: float) -> float:
-    """Time between samples: a slip takes about half a period of the slider on its
-    spring; a cap keeps very quick slips affordable.
+    """Time between samples, fine enough for a slip, which takes about half a period of
+    the slider on its spring; limited so that quick slips stay affordable.
     """
     finest = min(cycle / 200, 0.3 / _fastest(rig))
     return max(finest, cycle / MOST_SAMPLES)
 
 
 def _expected_cycle(rig: Rig) -> float:
-    """Expected travel of the drive in a cycle: a contact loaded to its threshold, or
-    an oscillation of the slider.
+    """Expected travel of the drive in a cycle: that which loads a contact to its
+    threshold, or that of one oscillation of the slider.
     """
     slider: Slider = getattr(rig.slider, "slowest", rig.slider)
     stretch = rig.interface.threshold_distribution.moment(1)
@@ -318,12 +318,12 @@ def _expected_cycle(rig: Rig) -> float:
 
 
 def _cycles(rows: Array) -> tuple[Array, int]:
-    """Peak-to-peak of the spring force, period and mean force of each complete cycle,
-    shape (3, n); where the next is.
+    """Return peak-to-peak of the spring force, period and mean force of each complete
+    cycle, shape (3, n); and the sample at which the next cycle begins.
 
     A cycle goes from one rise through three quarters of the range to the next, with a
-    drop below one quarter in between. The extremes lie where the force is level,
-    between the samples.
+    drop below one quarter in between. Its extremes lie where the rate of the force is
+    0, between the samples.
     """
     t, force, _, slope = rows
     low = float(force.min())
@@ -352,8 +352,8 @@ def extreme(
     slope: Array,
     i: int,
 ) -> float:
-    """Value where the slope changes sign next to a sample, by a parabola, unless
-    that does not fit.
+    """Return the extreme value next to a sample where the slope changes sign, by a
+    parabola; the sample itself if the parabola does not fit.
     """
     for j in (i, i - 1):
         if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:

@@ -1,4 +1,4 @@
-"""The scan along a parameter, its points, and the edges between them."""
+"""The scan along a parameter, its points, and the edges found between them."""
 
 import math
 from collections.abc import Callable
@@ -23,8 +23,8 @@ EdgeKind = Literal[
     "decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"
 ]
 
-# relative width of a bracket: runs nearer to a fold linger where the cycle has just
-# ceased to exist
+# relative width of a bracket: runs closer to a fold stay long near the cycle that has
+# just ceased to exist
 TOLERANCE = 3e-3
 
 
@@ -32,7 +32,7 @@ TOLERANCE = 3e-3
 class Edge(Answer):
     """An end of an interval of a parameter."""
 
-    #: for an edge that runs have bracketed, the (geometric) middle of the bracket
+    #: for an edge that runs have bracketed, the geometric mean of the bracket
     value: float
 
     #: *Decay*: beyond it an oscillation from the start decays (nonlinear). *Fold*: the
@@ -42,9 +42,9 @@ class Edge(Answer):
     #: searched. *Undecided*: runs beyond it do not decide.
     kind: EdgeKind
 
-    #: a run on the far side of the edge; `value` if runs do not decide
+    #: value on the far side at which a run decays; `value` if runs do not decide
     decays_at: float
-    persists_at: float  #: and one on the near side
+    persists_at: float  #: value on the near side at which a run persists
 
     @classmethod
     def of(
@@ -53,7 +53,7 @@ class Edge(Answer):
         decays_at: float,
         persists_at: float | None = None,
     ) -> Self:
-        """Return an edge at a value, or bracketed by runs at two."""
+        """Return an edge at one value, or bracketed by runs at two values."""
         persists_at = decays_at if persists_at is None else persists_at
         return cls(
             value=math.sqrt(decays_at * persists_at),
@@ -82,7 +82,7 @@ _KINDS = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Interval(Answer):
-    """An interval of a parameter, and the kinds of its ends."""
+    """An interval of a parameter with the kinds of its ends."""
 
     low: Edge
     high: Edge
@@ -96,8 +96,8 @@ class Interval(Answer):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Intervals(Along[Interval]):
-    """Intervals that were found along a parameter, in the rig's own units: it
-    iterates over them.
+    """Intervals found along a parameter, in the rig's own units; iterating yields
+    them.
     """
 
     def __contains__(self, value: float) -> bool:
@@ -105,7 +105,7 @@ class Intervals(Along[Interval]):
 
 
 class CyclePoint(NamedTuple):
-    """State in which a run settles, at one value of a parameter."""
+    """The settled state of a run, at one value of a parameter."""
 
     value: float
     verdict: Verdict
@@ -113,8 +113,8 @@ class CyclePoint(NamedTuple):
 
 
 class ParameterScan:
-    """Range of a parameter, in the rig's own units, in which runs from one start are
-    searched to a tolerance.
+    """A range of a parameter, in the rig's own units, searched with runs from one start
+    to a tolerance.
 
     Raises `InputError` if no cycle can be followed on the rig, or the parameter or the
     range is invalid.
@@ -144,12 +144,12 @@ class ParameterScan:
 
     @property
     def steps(self) -> int:
-        """Steps over the range."""
+        """Number of steps over the range."""
         return math.ceil(math.log(self.high / self.low) / self.step)
 
     @property
     def about(self) -> dict[str, Any]:
-        """The parameter, its unit and the range, as answers have them."""
+        """The parameter, its unit and the range, as fields of an answer."""
         return {
             "parameter": self.parameter.name,
             "unit": self.unit,
@@ -157,14 +157,14 @@ class ParameterScan:
         }
 
     def check_work(self, runs: int) -> None:
-        """Announce a search of this number of runs if it takes more than a minute;
-        raise `InputError` if it takes more than an hour.
+        """Announce a search of this many runs if it takes more than a minute; raise
+        `InputError` if it takes more than an hour.
         """
         low, high = (
             work_of_run(self.parameter.set(self.rig, end / self.size), self.start)
             for end in (self.low, self.high)
         )
-        # the mean time, if it is a power of the value: values are in equal ratios
+        # mean over values in equal ratios, for a time that is a power of the value
         each = np.geomspace(low.seconds, high.seconds, 100).mean()
         seconds = runs * float(each)
         longest = max(low, high, key=lambda work: work.seconds).longest
@@ -179,12 +179,12 @@ class ParameterScan:
         announce(name, seconds, what)
 
     def grid(self, count: int) -> list[float]:
-        """Values over the range, at equal ratios."""
+        """Return values over the range, in equal ratios."""
         values: list[float] = np.geomspace(self.low, self.high, count).tolist()
         return values
 
     def settled(self, value: float, after: CycleRun | None = None) -> CyclePoint:
-        """Run until the amplitude settles: from the start, or on from another value."""
+        """Run until the amplitude settles, from the start or another value's run."""
         rig = self.parameter.set(self.rig, value / self.size)
         run = (
             CycleRun.begin(rig, self.start, METHOD)
@@ -194,14 +194,14 @@ class ParameterScan:
         return CyclePoint(value, *settle(run))
 
     def in_words(self, *values: float) -> str:
-        """Return values of the parameter in words."""
+        """Return values of the parameter as text."""
         return ", ".join(
             self.rig.in_units(value / self.size, self.parameter.unit)
             for value in values
         )
 
 
-_HALVINGS = 64  # the 53 bits of a number, and 10 for the range of its logarithm
+_HALVINGS = 64  # 53 for the bits of a number, and 10 for the range of its logarithm
 
 
 def halved(
@@ -210,10 +210,10 @@ def halved(
     holds_at: float,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Halve between a value at which a test fails and one at which it holds, to a width
-    of the logarithm.
+    """Bisect between a value at which a test fails and one at which it holds, to a
+    width of the logarithm.
 
-    It ends where `probe` does not decide, and returns None.
+    It stops early if `probe` does not decide, and returns None.
     """
     turns = bounded("halved", _HALVINGS)
     while abs(math.log(fails_at / holds_at)) > tolerance:

@@ -1,4 +1,4 @@
-"""Whether an oscillation persists: runs until the amplitude has settled or decayed."""
+"""Whether an oscillation persists: runs until its amplitude settles or decays."""
 
 import math
 from dataclasses import dataclass, replace
@@ -27,24 +27,25 @@ from stickslip.stability import count_unstable
 
 # looks after which an amplitude that has not settled is undecided, unless its trend
 # decides
+# decides
 PATIENCE = 60
-# strengths of the contacts: an oscillation that still grows is unstable without their
-# friction, too
+# amplitude over the strength of the contacts, above which an oscillation that still
+# grows is unstable even without their friction
 _RUNAWAY = 1e3
 
 
 class Settles(NamedTuple):
-    """When amplitudes have settled: their last steps in the logarithm are none, or
-    shrink, with little left to go.
+    """Test whether amplitudes have settled: the last changes of their logarithm are
+    negligible, or shrink geometrically with little left.
     """
 
-    steps: int
-    none: float  # a change by less is none, the error of the runs
-    ratio: float  # largest one from step to step, of steps that shrink geometrically
-    ahead: float  # less of a change may still lie ahead of them
+    steps: int  # number of changes considered
+    none: float  # a change below this is negligible, by the error of the runs
+    ratio: float  # largest ratio of successive changes that counts as shrinking
+    ahead: float  # largest change that may still be left
 
     def at(self, amplitudes: Array) -> float | None:
-        """The amplitude that the last of these lead to; None if they have not
+        """Return the amplitude to which these converge; None if they have not
         settled.
         """
         last = amplitudes[-self.steps - 1 :]
@@ -63,9 +64,9 @@ class Settles(NamedTuple):
         )
 
 
-# one by one cycles are known to the error of the run
+# for single cycles, which are known to the error of the run
 CYCLES = Settles(6, 2e-5, 0.9, 1e-3)
-# their median in a look settles also where they differ in turn
+# for the median of the cycles in a look, which settles even if cycles alternate
 LOOKS = Settles(4, 1e-3, 0.7, 1e-2)
 
 
@@ -73,27 +74,27 @@ LOOKS = Settles(4, 1e-3, 0.7, 1e-2)
 class Verdict(Answer):
     """Whether an oscillation persists from a start, with the evidence.
 
-    Nonlinear: it belongs to the start.
+    The result is nonlinear, and depends on the start.
     """
 
     #: None if the evidence does not suffice, for the reason given
     sustained: bool | None
 
-    #: Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the
+    #: Kind of the final motion. In stick-slip the slider reaches at least 3.5 times the
     #: velocity of the drive, as in `stickslip.measure.regime`.
     kind: Kind
 
-    reason: str  #: why, in plain words
-    #: of the spring force: where it settles; if it scatters, the median of the last
+    reason: str  #: reason, in plain words
+    #: settled peak to peak of the spring force; if it scatters, the median of the last
     #: looks
     peak_to_peak: float
     period: float  #: NaN without complete cycles
-    mean_force: float  #: of the spring, at the last look
-    #: of the slider, in velocities of the drive, at the last look
+    mean_force: float  #: mean spring force in the last look
+    #: largest velocity of the slider in the last looks, over that of the drive
     largest_velocity: float
 
-    #: Whether smooth sliding is unstable by itself there; None on its very boundary,
-    #: and if there is no steady sliding.
+    #: Whether smooth sliding is unstable by linear theory; None on its boundary, and if
+    #: there is no steady sliding.
     linearly_unstable: bool | None
 
     @property
@@ -114,31 +115,31 @@ def is_sustained(
     """Return whether an oscillation persists from a start, at a constant velocity of
     the drive.
 
-    The run is looked at every three cycles, by their expected length: the drive travels
-    ``<x_s> (1 + k/K)`` in one, or for one period of the slider on its spring, whichever
-    is longer. It ends as soon as the outcome is clear. The oscillation *persists* if
-    its amplitude no longer changes (by less than 1e-3 three times running or by less
-    than 2e-5 in six cycles, or with changes that shrink geometrically and have less
-    than 1 % left to go), or scatters about a constant without a trend. It *decays* if
-    it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable
-    by linear theory. Where smooth sliding is unstable some oscillation always persists;
-    the run then decides.
+    The run is evaluated every three cycles, by their expected length: the drive travels
+    ``<x_s> (1 + k/K)`` in a cycle, or for one period of the slider on its spring,
+    whichever is longer. It ends as soon as the outcome is clear. The oscillation
+    *persists* if its amplitude no longer changes (by less than 1e-3 in four successive
+    looks or by less than 2e-5 in six successive cycles, or with changes that shrink
+    geometrically and have less than 1 % left), or scatters about a constant without a
+    trend. It *decays* if it is below 2 % of the kinetic friction and shrinks while
+    smooth sliding is stable by linear theory. Where smooth sliding is unstable some
+    oscillation always persists, and the run finds its amplitude.
 
     Parameters
     ----------
     rig : Rig
-        Its drive moves at its first velocity all the time.
+        The rig; its drive moves at its first velocity throughout.
     start : FromRest or FromSliding
-        `FromRest` contacts with a narrow distribution are the paper's start;
-        ``FromSliding(perturbation=...)`` asks for small perturbations.
+        `FromRest` with a narrow distribution of contacts is the paper's start;
+        ``FromSliding(perturbation=...)`` tests small perturbations.
     method : MasterEquation
         A linear structure runs on contacts, those of the rig's own method or 10,000.
 
     Returns
     -------
     Verdict
-        Undecided where the amplitude still drifts after 60 looks, three times as many
-        where it drifts one way, and its trend does not decide where to.
+        Undecided if the amplitude still changes after 60 looks, or three times as many
+        if it changes in one direction, without a trend that decides.
 
     Raises
     ------
@@ -168,7 +169,7 @@ def is_sustained(
 
 
 def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
-    """Go on until it is clear whether the oscillation persists."""
+    """Continue until it is clear whether the oscillation persists."""
     rig = run.rig
     looks = list[Look]()
     growing = linearly_unstable(run.rig)
@@ -207,15 +208,17 @@ def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
 
 
 def linearly_unstable(rig: Rig) -> bool | None:
-    """Whether smooth sliding is unstable to the smallest disturbance, or None."""
+    """Return whether smooth sliding is unstable to the smallest perturbation, or None
+    if that is not known.
+    """
     try:
         return count_unstable(rig) > 0
-    except (InputError, UndecidedError):  # no steady sliding; on the boundary itself
+    except (InputError, UndecidedError):  # no steady sliding, or on the boundary
         return None
 
 
 def _friction(rig: Rig) -> float:
-    """Kinetic friction; that without delay if contacts never re-attach."""
+    """Return the kinetic friction, without delay if contacts never re-attach."""
     interface = rig.interface
     if math.isinf(interface.delay.moment(1)):
         interface = replace(interface, delay=Delay(0.0))
@@ -227,7 +230,9 @@ def _fate(
     floor: float,
     growing: bool | None,
 ) -> tuple[bool | None, float, str] | None:
-    """Whether it persists, its amplitude, and why, as soon as the looks decide."""
+    """Return whether the oscillation persists, its amplitude, and why; None until the
+    looks decide.
+    """
     size = np.array([look.amplitude for look in looks])
     now = float(size[-1])
     step = np.diff(np.log(np.maximum(size, 1e-300)))
@@ -247,8 +252,8 @@ def _fate(
         return False, now, "decays; it is down to {}"
     if now > floor and len(looks) >= 10 and _has_no_trend(size[-8:]):
         return True, float(np.median(size[-8:])), "scatters about {} without a trend"
-    # An amplitude that grows slowly from little will arrive; an amplitude that drifts
-    # all one way, through a narrow place, will leave it.
+    # An amplitude that grows slowly from a small one will settle eventually; one that
+    # drifts in one direction past a fold nearby will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < max(PATIENCE * (5 if growing else 3 if drifts else 1), 3):
         return None
@@ -272,8 +277,8 @@ def _fate(
 
 
 def _has_no_trend(size: Array) -> bool:
-    """Whether amplitudes scatter about a constant: no trend beyond twice its error,
-    and no deep drop.
+    """Whether amplitudes scatter about a constant, with a trend below twice its error
+    and without a deep drop.
     """
     (slope, _), covariance = np.polyfit(
         np.arange(size.size),

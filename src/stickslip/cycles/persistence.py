@@ -1,4 +1,4 @@
-"""Where an oscillation persists along a parameter, afresh from the same start at
+"""The ranges of a parameter in which an oscillation persists, from the same start at
 each value.
 """
 
@@ -20,22 +20,22 @@ from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
-_MOST_POINTS = 10_000  # runs per factor of 10: more take longer than anyone waits
+_MOST_POINTS = 10_000  # most runs per factor of 10, which take too long already
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Sustained(Intervals):
-    """Where an oscillation persists along a parameter, afresh from the same start;
-    nowhere is an answer too.
+    """Ranges of a parameter in which an oscillation persists, from the same start at
+    each value; an empty result is also an answer.
     """
 
     _items = "windows"
 
-    start: Start  #: of every run
-    #: rising; windows narrower than the grid of the search may be missed
+    start: Start  #: start of every run
+    #: in increasing order; windows narrower than the grid of the search may be missed
     windows: tuple[Interval, ...]
-    grid: tuple[tuple[float, Verdict], ...]  #: the runs of the grid
-    undecided: tuple[float, ...] = ()  #: values at which no run decided
+    grid: tuple[tuple[float, Verdict], ...]  #: the runs on the grid
+    undecided: tuple[float, ...] = ()  #: values at which a run did not decide
 
     def __str__(self) -> str:
         doubt = (
@@ -63,18 +63,18 @@ def sustained(
     points: int = 8,
     tolerance: float = TOLERANCE,
 ) -> Sustained:
-    """Find where an oscillation persists along a parameter, afresh from the same start
-    at each value (nonlinear).
+    """Find the ranges of a parameter in which an oscillation persists, from the same
+    start at each value (nonlinear).
 
     From a narrow start the lower edge along the velocity is where stick-slip decays on
-    the way down, the paper's ``v1'``, and the upper edge where it decays on the way up,
-    ``v2``; the velocities at which smooth sliding loses stability (``v1``, and ``v2'``
-    on the way down) are linear: `stickslip.stability.critical`.
+    the way down, the paper's ``v1'``, and the upper edge is where it decays on the way
+    up, ``v2``; the velocities at which smooth sliding loses stability (``v1``, and
+    ``v2'`` on the way down) are linear: `stickslip.stability.critical`.
 
     Parameters
     ----------
     rig : Rig
-        The parameter's own value in it does not matter.
+        The rig; its own value of the parameter does not matter.
     parameter : Parameter or str
         As in `stickslip.stability.critical`.
     between : (float, float)
@@ -82,7 +82,7 @@ def sustained(
     start : FromRest or FromSliding
     points : int
         Runs per factor of 10, on a logarithmic grid; edges between two of them are
-        found by halving.
+        found by bisection.
     tolerance : float
         Relative width of the bracket about an edge.
 

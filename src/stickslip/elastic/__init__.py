@@ -1,8 +1,9 @@
-"""Elastic sliders in theory: slip fronts, precursors, and the modes of smooth sliding.
+"""Theory of elastic sliders: slip fronts, precursors, and the modes of smooth sliding.
 
-A `Chain` or a `Sheet` of blocks in the place of the rigid slider of a rig. How fast a
-front of slip runs, and from which prestress on; how far a force reaches, and slip
-precursors with it; which wavelengths of smooth sliding grow.
+The rigid slider of a rig is replaced by a `Chain` or a `Sheet` of blocks. Theory gives
+the speed of a slip front and the least prestress for it; the distance over which a
+force, and with it slip precursors, extend; and the wavelengths that grow in smooth
+sliding.
 """
 
 from stickslip.elastic.front_speed import Front, front_speed, front_threshold

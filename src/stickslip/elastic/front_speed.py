@@ -1,4 +1,4 @@
-"""How fast a slip front runs along an elastic slider, and the prestress below which
+"""The speed of a slip front along an elastic slider, and the prestress below which
 there is none.
 """
 
@@ -17,24 +17,25 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, converted
 
-# speed, in units of that of sound, below which no front in a lattice is looked for
+# lowest speed, in units of the speed of sound, at which a front in a lattice is
+# searched
 SLOWEST = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Front(Answer):
-    """A steady slip front, as theory has it; ``float(front)`` is its speed."""
+    """A steady slip front by theory; ``float(front)`` is its speed."""
 
     #: in blocks per time of the rig's own units; 0 if there is no front
     speed: Annotated[float, Number("1/time")]
     sound_speed: Annotated[float, Number("1/time")]  #: in the same unit
-    #: as asked for: from 0, the sliding force, to 1, the mean threshold
+    #: as given: from 0, the sliding force, to 1, the mean threshold
     prestress: float
     threshold: float  #: prestress below which there is no front in a bar of fine blocks
     screening_length: float  #: in blocks
 
-    #: How the theory treats the blocks: "continuum", small compared with the
-    #: screening length, if thresholds have a standard deviation.
+    #: Theory used for the blocks: "lattice" if all thresholds are equal; "continuum",
+    #: for blocks much smaller than the screening length, if they scatter.
     blocks: Literal["lattice", "continuum"]
 
     #: features of the rig outside the range of the theory
@@ -70,20 +71,20 @@ class Front(Answer):
 
 def front_speed(rig: Rig, *, prestress: float) -> Front:
     """Return the speed of a steady slip front along an elastic slider whose contacts
-    are stretched alike.
+    all have the same stretching.
 
     Behind the front contacts are detached and slide under `Interface.sliding_force`;
     none re-attaches as it passes.
 
-    Where all thresholds are alike the front in a chain of blocks is known exactly
+    If all thresholds are equal, the front in a chain of blocks is known exactly
     (Wiener-Hopf), with leaf springs, damping, bulk viscosity and contacts of any
-    stiffness; with a distribution of thresholds, in the continuum only.
+    stiffness; with a distribution of thresholds it is known in the continuum only.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain`, or a `Sheet`, along which a straight front runs. Its number of
-        blocks, its ends, its side spring and the drive do not matter.
+        A rig with a `Chain`, or a `Sheet` along which a straight front runs. The number
+        of blocks, the ends, the side spring and the drive do not matter.
     prestress : float
         Force of the contacts ahead of the front, above the sliding force ``f_d`` and in
         units of its difference from the mean threshold: ``(tau_0 - f_d)/(f_s - f_d)``,
@@ -92,21 +93,21 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
     Returns
     -------
     Front
-        With a speed of 0 if there is no front: below `front_threshold`, or where blocks
-        pin it.
+        The front, with a speed of 0 if there is none: below `front_threshold`, or where
+        blocks pin it.
 
     Raises
     ------
     InputError
-        If the interface has a mechanism that the theory leaves out, or the thresholds
-        have a standard deviation and the bulk is viscous.
+        If the interface has a mechanism that the theory does not include, or the
+        thresholds have a standard deviation and the bulk is viscous.
 
     Notes
     -----
-    On a lattice to 1e-6, down to a hundredth of the speed of sound; with a distribution
-    of thresholds to 1e-6, in the limit of a long screening length and many contacts per
-    block. At the same prestress there may be slower steady fronts on a lattice; it is
-    the fastest that is returned.
+    Accurate to 1e-6 on a lattice, down to a hundredth of the speed of sound; with a
+    distribution of thresholds to 1e-6, in the limit of a long screening length and many
+    contacts per block. There may be slower steady fronts on a lattice at the same
+    prestress; the fastest is returned.
 
     Examples
     --------
@@ -143,30 +144,30 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
 
 
 def front_threshold(rig: Rig) -> float:
-    """Return the smallest prestress at which a slip front advances: where the work to
-    spare is none.
+    """Return the smallest prestress at which a slip front advances, where it has no
+    energy to spare.
 
-    Where all thresholds are alike, Griffith's ``sqrt(K/(K + k))`` with leaf springs
-    `K`; else from equal areas above and below the force of the contacts as they break.
-    In the continuum; blocks of more than half a screening length pin fronts somewhat
-    above.
+    If all thresholds are equal it is Griffith's ``sqrt(K/(K + k))`` with leaf springs
+    `K`; else it follows from equal areas above and below the force of the contacts as
+    they break. It holds in the continuum; blocks of more than half a screening length
+    pin fronts somewhat above it.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain` or a `Sheet`.
+        A rig with a `Chain` or a `Sheet`.
 
     Returns
     -------
     float
         As `prestress` of `front_speed`: above the sliding force, in units of its
-        difference from the mean threshold. Infinite if the thresholds are so scattered
-        that there are no fronts.
+        difference from the mean threshold. Infinite if thresholds scatter so much that
+        there are no fronts.
 
     Raises
     ------
     InputError
-        If the interface has a mechanism that the theory leaves out.
+        If the interface has a mechanism that the theory does not include.
 
     Examples
     --------
@@ -192,7 +193,9 @@ def front_threshold(rig: Rig) -> float:
 
 
 def _on_lattice(tau: float, body: ElasticBody) -> float:
-    """Speed of the fastest front, in units of that of sound; 0 if there is none."""
+    """Return the speed of the fastest front, in units of the speed of sound; 0 if there
+    is none.
+    """
 
     def lack(speed: float) -> float:
         return lattice_prestress(speed, body) - tau
@@ -204,7 +207,7 @@ def _on_lattice(tau: float, body: ElasticBody) -> float:
     turns = bounded("front_speed", HALVINGS)
     while (here := lack(low)) > 0:
         next(turns)
-        if here > before:  # slower fronts need more: the lattice holds them
+        if here > before:  # slower fronts need more prestress: the lattice pins them
             lowest = minimize_scalar(
                 lack,
                 bounds=(low, low / 0.94**2),

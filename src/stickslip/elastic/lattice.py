@@ -5,12 +5,14 @@ In units of the block spacing and of the time that sound takes from block to blo
 ``kappa = 1/k_b``, ``Kh = K/k_b``, ``alpha = eta sqrt(M/k_b)``,
 ``zeta = c_b/sqrt(M k_b)`` and ``T = 1/v``,
 
-    L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT), L1 = L0 + kappa, G =
-    L0/L1 = G+ G-
+    L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT)
+    L1 = L0 + kappa
+    G = L0/L1 = G+ G-
 
-are the stiffnesses that a wave of the front's speed meets behind and ahead of it. A
-front of speed `v` needs the prestress ``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i
-w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
+``L0`` and ``L1`` are the stiffnesses for a wave of the front's speed behind and ahead
+of it. A front of speed `v` needs the prestress
+``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i w) dw/w)``, which is
+``(tau_0 - f_d)/(f_s - f_d)``.
 """
 
 import math
@@ -25,20 +27,22 @@ from stickslip.arrays import Array
 from stickslip.loops import HALVINGS, bounded
 from stickslip.model import ElasticBody
 
-_LEAST = 1e-100  # a frequency next to 0, whose square is a number
-# frequency beyond which the phase is averaged over the waves of the lattice; its error
+_LEAST = 1e-100  # a frequency next to 0 whose square does not underflow
+# frequency beyond which the phase is averaged over the waves of the lattice; the error
+# is 1/SMOOTH^2
 # is 1/SMOOTH^2
 SMOOTH = 2000.0
 
 
 @lru_cache(maxsize=4096)
 def lattice_prestress(speed: float, body: ElasticBody) -> float:
-    """Return the prestress of a front of a given speed in a chain; both in units of the
-    front's own.
+    """Return the prestress, ``(tau_0 - f_d)/(f_s - f_d)``, of a front of a given speed
+    in a chain.
 
-    The speed is in units of that of sound; to 1e-7 down to a hundredth of it.
+    The speed is in units of the speed of sound; the result is accurate to 1e-7 down to
+    a hundredth of it.
     """
-    # Contacts, leaf springs, damping and viscosity against the bulk.
+    # contacts, leaf springs, damping and viscosity relative to the bulk
     impedance = math.sqrt(body.mass * body.coupling)
     period = 1.0 / speed
     kappa = 1.0 / body.coupling
@@ -49,7 +53,7 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
     # s/(s + 1).
     order = 0 if leaf > 0 else 1 if alpha > 0 else 2
     slope = (leaf, alpha, 1.0 - period * period)[order]
-    # nothing resists behind the front, and nothing drains what it radiates ahead
+    # No force resists behind the front, and no loss takes up the waves ahead of it.
     if slope <= 0:
         return 0.0
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
@@ -64,7 +68,8 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
         return np.asarray((behind - ahead - divided) / w)
 
     ends = np.append(edges[1:], np.inf)
-    # nodes crowd at the ends, where the phase of a chain without damping jumps
+    # minlevel: nodes crowd at the ends, where the phase jumps in a chain without
+    # damping
     found = tanhsinh(
         phase_over_frequency, edges, ends, atol=1e-9, rtol=1e-8, minlevel=5
     )
@@ -79,7 +84,7 @@ def _panels(
     zeta: float,
     period: float,
 ) -> tuple[Array, float]:
-    """Frequencies between which the phase is smooth, and the one beyond
+    """Return frequencies between which the phase is smooth, and the frequency beyond
     which it is averaged.
     """
     turns = np.empty(0)
@@ -108,17 +113,17 @@ def _panels(
 
 
 def _real_part(spring: float, period: float, w: Array) -> Array:
-    """Real part of the stiffness that a wave meets on a spring to each block."""
+    """Real part of the stiffness of a wave with a given spring to each block."""
     return spring - w * w + _bulk(w, period)
 
 
 def _bulk(w: Array, period: float) -> Array:
-    """Stiffness of the bulk for a wave, ``2 - 2 cos(w T)``."""
+    """Stiffness of the bulk to a wave, ``2 - 2 cos(w T)``."""
     return 4.0 * np.sin(0.5 * w * period) ** 2
 
 
 def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
-    """Zeros of a function between neighbours of a grid where its sign changes."""
+    """Find zeros of a function between neighbours of a grid where its sign changes."""
     value = function(grid)
     changes = value[:-1] * value[1:] < 0
     at = np.flatnonzero(changes)

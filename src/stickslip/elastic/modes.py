@@ -1,14 +1,14 @@
 """Linear stability of an elastic slider in smooth sliding: a mode for each wavelength,
-and which of them grow.
+and whether it grows.
 
-All blocks slide alike, so the contacts of each answer with the same dynamic stiffness
-``kappa(s)``, and every eigenvector of the springs is a mode of its own:
+All blocks slide alike, so the contacts of each respond with the same dynamic stiffness
+``kappa(s)``, and every eigenvector of the springs is a mode:
 
     M s^2 + M eta s + Lambda_m + (c_b/k_b) lambda_m s + kappa(s) = 0
 
-with ``Lambda_m`` its stiffness, ``lambda_m`` the part of it that is the bulk's. Each
-mode is thus a rigid slider on a spring ``Lambda_m``, with the viscosity of the bulk
-added to its damping.
+with ``Lambda_m`` its stiffness and ``lambda_m`` the part of it from the bulk. Each mode
+is thus a rigid slider on a spring ``Lambda_m``, with the viscosity of the bulk added to
+its damping.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from stickslip.stability.modes import count_unstable, growth_rate
 if TYPE_CHECKING:
     import xarray as xr
 
-# seconds that the root of a mode takes, and in one of a chain that is held at one end
-# also each block, and the bytes of that
+# seconds for the root of a mode; for a chain held at one end also the seconds, and the
+# bytes, of each block of each mode
 _ROOT = 0.01
 _SOFTEST = 2e-7
 _SHAPE = 8.0
-_SOFTER = 9  # waves that are softer than the critical one, and must grow
+_SOFTER = 9  # number of waves softer than the critical one that are checked to grow
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CriticalLength(Answer):
-    """Lengths from which an elastic slider, and a wave on it, lose stability, in
-    blocks.
+    """Lengths, in blocks, from which on an elastic slider and waves on it lose
+    stability.
     """
 
     #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
@@ -60,10 +60,10 @@ class CriticalLength(Answer):
     length: float = math.inf
 
     #: The same for the rig's own chain with its side spring: smallest number of blocks
-    #: that is unstable, viscosity of the bulk to first order; 0 if there is none, or
-    #: the chain is not pulled at one end only.
+    #: that is unstable, with the viscosity of the bulk to first order; 0 if there is
+    #: none, or the chain is not pulled at one end only.
     blocks: int = 0
-    #: these in words, in the rig's units where its blocks have a length
+    #: these as text, in the rig's units if its blocks have a length
     sentence: str
 
     def __str__(self) -> str:
@@ -71,8 +71,8 @@ class CriticalLength(Answer):
 
 
 def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
-    """A length along an elastic slider: in the rig's units where its blocks have
-    one, else in blocks.
+    """Return a length along an elastic slider as text, in the rig's units if its blocks
+    have a length, else in blocks.
     """
     spacing = rig.natural.slider.spacing
     if spacing is None:
@@ -81,23 +81,24 @@ def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
 
 
 def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
-    """Return the modes of an elastic slider in smooth sliding, softest first, and how
-    each grows or decays.
+    """Return the modes of an elastic slider in smooth sliding, softest first, with
+    their growth rates.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain` or a `Sheet`; it slides at the first velocity of the drive.
+        A rig with a `Chain` or a `Sheet`; it slides at the first velocity of the drive.
     count : int
-        How many modes, at most; softer modes lose stability first.
+        Largest number of modes; softer modes lose stability first.
 
     Returns
     -------
     Dataset
-        Along `mode`: `stiffness` ``Lambda_m`` and `coupling`, the bulk's part of it;
-        `wavelength` in blocks (infinite if all blocks move alike, NaN if the mode does
-        not reach into the bulk; of a sheet, along the drive); `growth` and `frequency`,
-        real part and angular frequency of the rightmost root. In the rig's own units.
+        Along `mode`: `stiffness` ``Lambda_m`` and `coupling`, the part of it from the
+        bulk; `wavelength` in blocks (infinite if all blocks move alike, NaN if the mode
+        does not extend into the bulk; of a sheet, along the drive); `growth` and
+        `frequency`, real part and angular frequency of the rightmost root. In the rig's
+        own units.
 
     Raises
     ------
@@ -106,8 +107,8 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
     Notes
     -----
-    Exact, but with a side spring and bulk viscosity together: they do not share their
-    eigenvectors, and the viscosity of a mode is taken to first order.
+    Exact, except with a side spring and bulk viscosity together: they do not share
+    their eigenvectors, and the viscosity of a mode is taken to first order.
 
     Examples
     --------
@@ -130,7 +131,7 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     natural = rig.natural
     _check_work(body, count)
     stiffness, coupling, wavelength, each = sliders_of(body, count)
-    # modes come in pairs of one stiffness
+    # Modes of a ring come in pairs of equal stiffness, so cache their roots.
     of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))
     root = np.array([of(slider) for slider in each])
     columns = {
@@ -148,9 +149,9 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
 
 def _check_work(body: ElasticBody, count: int) -> None:
-    """Raise `InputError` if that many modes would take more than an hour or 4 GB."""
+    """Raise `InputError` if the modes would take more than an hour or 4 GB."""
     found = min(count, body.size)
-    # no closed form where a spring holds one end
+    # there is no closed form if a spring holds one end
     searched = found * body.size if body.side > 0.0 else 0
     seconds = _ROOT * found + _SOFTEST * searched
     excess = max(seconds / LONGEST, _SHAPE * searched / LARGEST)
@@ -166,8 +167,8 @@ def _check_work(body: ElasticBody, count: int) -> None:
 def sliders_of(
     body: ElasticBody, count: int
 ) -> tuple[Array, Array, Array, list[Slider]]:
-    """Stiffness, the bulk's part of it, wavelength and the equivalent rigid slider
-    of modes, softest first.
+    """Return stiffness, its part from the bulk, wavelength and equivalent rigid slider
+    of the modes, softest first.
     """
     ring = body.ends == "periodic"
     if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
@@ -195,7 +196,7 @@ def sliders_of(
         stiffness, shape = np.linalg.eigh(links + np.diag(body.pulled - body.leaf))
         coupling = np.einsum("ij,ik,kj->j", shape, links, shape)[:count]
         along = stiffness = stiffness[:count]
-    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the
+    # sin(q/2) in the bulk; a mode stiffer than any wave is confined to the end with the
     # spring.
     sine = np.sqrt(along / (4.0 * body.coupling))
     with np.errstate(divide="ignore"):
@@ -218,18 +219,18 @@ def sliders_of(
 
 
 def critical_length(rig: Rig) -> CriticalLength:
-    """Return the shortest wavelength that grows in smooth sliding, and from which
-    length on a slider is unstable.
+    """Return the shortest wavelength that grows in smooth sliding, and the length from
+    which on a slider is unstable.
 
     The modes that grow are those softer than ``K_c(v)``, the critical spring of the
     rigid slider. Waves of wavenumber `q` have the stiffness ``K + 4 k_b sin^2(q/2)``:
-    long waves go first.
+    long waves become unstable first.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain`; it slides at the first velocity of the drive. Its number of
-        blocks does not matter.
+        A rig with a `Chain`; it slides at the first velocity of the drive. Its number
+        of blocks does not matter.
 
     Returns
     -------
@@ -238,10 +239,10 @@ def critical_length(rig: Rig) -> CriticalLength:
     Raises
     ------
     InputError
-        If the slider is no chain, or there is no steady sliding.
+        If the slider is not a chain, or there is no steady sliding.
     UndecidedError
-        If there is no critical spring as far as one can see, or softer ones are stable
-        again, as the mass of light damping makes them.
+        If no critical spring can be found, or softer ones are stable again, as with
+        mass and little damping.
 
     Examples
     --------
@@ -264,22 +265,22 @@ def critical_length(rig: Rig) -> CriticalLength:
         )
     natural = rig.natural
 
-    def spare(coupling: float) -> float:
-        """Stiffness that a wave of this stiffness of the bulk has to spare until it
-        is unstable, with the viscosity that it meets.
+    def lacking(coupling: float) -> float:
+        """Stiffness that a wave lacks to be stable, with the viscosity that belongs to
+        its stiffness `coupling` of the bulk.
         """
         held = critical_spring(replace(natural, slider=_mode(body, 1.0, coupling)))
         return held - body.leaf - coupling
 
-    reach = spare(0.0)
-    # it adds damping, which may lower K_c and cannot raise the need of the bulk
+    reach = lacking(0.0)
+    # Viscosity adds damping, which may lower K_c and cannot raise the stiffness needed.
     if body.viscosity > 0 and reach > 0:
-        reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
+        reach = rising(lambda coupling: -lacking(coupling), reach, reach, 2.0)
     stiffness = (body.leaf + reach) * rig.unit("k")
     if reach <= 0:
         sentence = "smooth sliding is stable at every wavelength"
         return CriticalLength(stiffness=stiffness, sentence=sentence)
-    stiffest = min(reach, 4.0 * body.coupling)  # of the waves between blocks
+    stiffest = min(reach, 4.0 * body.coupling)  # the stiffest wave of a chain
     for coupling in stiffest * np.geomspace(1e-3, 0.97, _SOFTER):
         softer = _mode(body, body.leaf + float(coupling), float(coupling))
         if not count_unstable(replace(natural, slider=softer)):
@@ -293,8 +294,8 @@ def critical_length(rig: Rig) -> CriticalLength:
     sentence = f"waves longer than {length_in_words(rig, wavelength)} grow"
     blocks = 0
     if body.side > 0 and body.leaf == 0 and body.ends == "free":
-        # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical
-        # wavenumber.
+        # more blocks than cot(q n) = (2 k_b/k_side - 1) tan(q/2) at the critical
+        # wavenumber
         half = math.asin(min(sine, 1.0 - 1e-9))
         cotangent = (2.0 * body.coupling / body.side - 1.0) * math.tan(half)
         blocks = 1 + math.floor(math.atan2(1.0, cotangent) / (2.0 * half))
@@ -311,7 +312,7 @@ def critical_length(rig: Rig) -> CriticalLength:
 
 
 def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
-    """Return the rigid slider that a mode amounts to."""
+    """Return the rigid slider that is equivalent to a mode."""
     viscous = body.viscosity / body.coupling * coupling
     return Slider(
         stiffness=stiffness,
@@ -327,8 +328,8 @@ def _row(
     ring: bool,
     count: int,
 ) -> tuple[Array, Array]:
-    """Stiffness of the softest modes of a row of blocks without leaf springs, and
-    the bulk's part of it.
+    """Stiffness of the softest modes of a row of blocks without leaf springs, and its
+    part from the bulk.
     """
     count = min(count, blocks)
     if side == 0:

@@ -1,5 +1,5 @@
-"""Statics of an elastic slider: how far a force reaches, and how far slip precursors
-run under a slow side drive.
+"""Statics of an elastic slider: the range of a force, and the length of slip precursors
+under a slow side drive.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def elastic_body(rig: Rig, who: str) -> ElasticBody:
-    """Return the body of a rig with an elastic slider, in natural units;
-    `InputError` if its slider is rigid.
+    """Return the body of a rig with an elastic slider, in natural units; `InputError`
+    if its slider is rigid.
     """
     instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
     body = rig.natural.slider
@@ -34,8 +34,8 @@ def elastic_body(rig: Rig, who: str) -> ElasticBody:
 
 
 def elastic_parts(rig: Rig, who: str) -> tuple[ElasticBody, Interface]:
-    """The same with the interface; `InputError` if contacts do more than break,
-    slide and stay detached.
+    """Return the elastic body and the interface; `InputError` if contacts do more than
+    break, slide and stay detached.
     """
     body = elastic_body(rig, who)
     interface = rig.natural.interface
@@ -54,19 +54,19 @@ def screening_length(rig: Rig) -> float:
     """Return the distance along an elastic slider over which attached contacts take up
     a force, in blocks.
 
-    ``1/arccosh(1 + (k + K)/(2 k_b))`` with leaf springs `K`, which tends to
-    ``sqrt(k_b/(k + K))`` where it is long. Keep it above 2 blocks: below, the blocks
-    themselves hold fronts back.
+    It is ``1/arccosh(1 + (k + K)/(2 k_b))`` with leaf springs `K`, which tends to
+    ``sqrt(k_b/(k + K))`` where it is long. Below 2 blocks the discrete blocks hold
+    fronts back; keep it above.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain` or a `Sheet` (along its rows).
+        A rig with a `Chain` or a `Sheet` (along its rows).
 
     Returns
     -------
     float
-        The displacement of stuck blocks falls by a factor `e` over it.
+        Distance over which the displacement of stuck blocks falls by a factor `e`.
 
     Raises
     ------
@@ -90,34 +90,35 @@ def screening_length(rig: Rig) -> float:
 
 
 def precursor_force(rig: Rig) -> xr.DataArray:
-    """Return the driving force at which slip, let in slowly from one end, has reached
-    each block of a chain.
+    """Return the driving force at which slip that starts slowly from one end has
+    reached each block of a chain.
 
-    All thresholds alike, no re-attachment, a slow drive on block 0 alone. With slip as
-    far as block `l`
+    This holds for equal thresholds, no re-attachment, and a slow drive on block 0
+    alone. With slip up to block `l`
 
         F(l) = f_d l + f_s [1 + k_b (1 - rho_(n-l))]
 
     in units of the strength ``N f_s`` of the contacts of one block, where ``rho_m`` is
     the displacement of the second of `m` stuck blocks over that of the first.
-    Precursors lengthen with the force by ``1/f_d`` blocks for each ``N f_s``; the
-    greatest force over the number of blocks is the static friction of the slider.
+    Precursors grow with the force by ``1/f_d`` blocks for each ``N f_s``; the largest
+    force over the number of blocks is the static friction of the slider.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain` with free ends and a side spring, and without leaf springs.
+        A rig with a `Chain` with free ends and a side spring, and without leaf springs.
 
     Returns
     -------
     DataArray
-        The force at each `tip`, the number of blocks that slide before the next breaks
-        loose; per contact of one block, in the rig's own units.
+        The force at each `tip`, the number of blocks that slide before the next one
+        breaks loose; per contact of one block, in the rig's own units.
 
     Raises
     ------
     InputError
-        If the chain is pulled otherwise, or the thresholds have a standard deviation.
+        If the chain is pulled in another way, or the thresholds have a standard
+        deviation.
 
     Examples
     --------
@@ -155,7 +156,7 @@ def precursor_force(rig: Rig) -> xr.DataArray:
         )
     strength = interface.threshold_distribution.moment(1)
     tip = np.arange(body.blocks)
-    # Displacements of m stuck blocks go as cosh((m - i - 1/2)/l), i = 0 ... m - 1.
+    # Displacements of m stuck blocks are as cosh((m - i - 1/2)/l), i = 0 ... m - 1.
     fall = 1.0 / screening_length(rig)
     stuck = body.blocks - tip
     second = np.exp(-fall) + np.exp(-2.0 * fall * (stuck - 1.0))
@@ -167,12 +168,12 @@ def precursor_force(rig: Rig) -> xr.DataArray:
 
 
 def distance_to_the_first_break(rig: Rig) -> float | None:
-    """Distance of a drive until the first block of a bar breaks loose, where
+    """Return the travel of the drive until the first block of a bar breaks loose, where
     precursors start; in natural units.
 
-    Blocks on their contacts are a net of springs, and one breaks loose when it has
-    moved by the mean threshold: exact where all thresholds are alike. None where blocks
-    start otherwise than from rest, thresholds age, or nothing pulls.
+    Blocks on their contacts are a network of springs, and a block breaks loose when it
+    has moved by the mean threshold, which is exact for equal thresholds. None if the
+    blocks do not start from rest, thresholds age, or nothing pulls.
     """
     natural = rig.natural
     body = natural.slider

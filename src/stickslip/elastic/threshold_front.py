@@ -1,13 +1,14 @@
 """Steady fronts in a bar on contacts with any distribution of thresholds, by shooting.
 
-Behind ``U`` ahead of the front all contacts are stretched to ``tau_0``; as the bar
-moves on they break, and carry ``F(U) = f_d + (U - f_d) J_c(U)/J_c(tau_0)``. In units of
-``sqrt(k_b/k)`` blocks the front is that of a bistable medium,
+Where the bar has not moved, ahead of the front, all contacts are stretched to
+``tau_0``; as it moves to the displacement ``U`` they break, and carry
+``F(U) = f_d + (U - f_d) J_c(U)/J_c(tau_0)``. In units of ``sqrt(k_b/k)`` blocks the
+front is that of a bistable medium,
 
     U'' + C U' + K (D - U) - F(U) = 0,
 
-with one eigenvalue `C`, positive if the front advances. Inertia enters by
-``v = c/sqrt(1 + M eta^2/C^2)`` alone.
+with one eigenvalue `C`, positive if the front advances. Inertia enters only through
+``v = c/sqrt(1 + M eta^2/C^2)``.
 """
 
 import math
@@ -24,7 +25,7 @@ from stickslip.model.distributions import Distribution
 
 
 class Medium(NamedTuple):
-    """A bar on its contacts, per contact, ahead of a front."""
+    """A bar on its contacts ahead of a front, per contact."""
 
     thresholds: Distribution
     sliding_force: float
@@ -32,7 +33,7 @@ class Medium(NamedTuple):
     prestress: float
 
     def excess(self, x: Array | float) -> Array:
-        """``K (D - U) - F(U)``: what drives the bar forward where it has moved to
+        """Force ``K (D - U) - F(U)`` that drives the bar forward at the displacement
         ``U = x``.
         """
         attached = self.thresholds.survival(x) / self.attached
@@ -41,21 +42,21 @@ class Medium(NamedTuple):
 
     @property
     def attached(self) -> float:
-        """Fraction of the contacts that is attached ahead of the front."""
+        """Fraction of the contacts that are attached ahead of the front."""
         return float(self.thresholds.survival(self.prestress))
 
     @property
     def rest(self) -> float:
-        """Displacement at which the bar comes to rest behind a front; infinite
-        without leaf springs.
+        """Displacement at which the bar comes to rest behind a front; infinite without
+        leaf springs.
         """
         if self.leaf == 0:
             return math.inf
         far = self.prestress + (self.prestress - self.sliding_force) / self.leaf
         if float(self.thresholds.survival(far)) <= 1e-14 * self.attached:
             return far
-        # Some contacts are still attached there; the bar rests earlier. Without a place
-        # to rest there is no front.
+        # Some contacts are still attached there, so the bar comes to rest earlier.
+        # Without such a place there is no front.
         x = np.linspace(self.prestress, far, 4001)[1:]
         driven = np.flatnonzero(self.excess(x) > 0)
         if driven.size == 0:
@@ -67,8 +68,8 @@ class Medium(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """The work that a front has to spare per contact, the area under `excess`:
-        none at the threshold.
+        """Energy per contact that a front has to spare, the area under `excess`; 0 at
+        the threshold.
         """
         sliding = self.sliding_force
         end = self.rest
@@ -78,8 +79,8 @@ class Medium(NamedTuple):
             return math.inf
 
         def spent(x: float) -> float:
-            """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``: by parts,
-            moments of the thresholds beyond.
+            """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``, by parts from
+            the partial moments of the thresholds.
             """
             none, one, two = (
                 float(self.thresholds.partial_moment(x, n)) for n in (0, 1, 2)
@@ -100,8 +101,9 @@ def rising(
     high: float,
     step: float,
 ) -> float:
-    """Where a function rises through 0, or 0 if it does not; the bracket is widened
-    by a factor until it holds that.
+    """Find where a function increases through 0; 0 if it does not.
+
+    The bracket is extended by a factor until it holds the zero.
     """
     turns = bounded("rising", HALVINGS)
     while lack(low) > 0:
@@ -118,8 +120,8 @@ def rising(
 
 
 def threshold(medium: Medium) -> float:
-    """Return the smallest prestress with a front: equal areas above and below 0 of
-    `excess` (Maxwell's rule).
+    """Return the smallest prestress with a front, by equal areas of `excess` above and
+    below 0 (Maxwell's rule).
     """
     sliding = medium.sliding_force
     if medium.leaf == 0:
@@ -137,11 +139,11 @@ def threshold(medium: Medium) -> float:
 
 
 def shoot(medium: Medium) -> float:
-    """Return the eigenvalue `C` of the front; 0 if there is none that advances,
-    infinity if all contacts give way.
+    """Return the eigenvalue `C` of the front; 0 if no front advances, infinity if all
+    contacts break by themselves.
 
-    With ``p = -U'`` the energy ``p^2/2`` grows along `U` by ``C p - excess``; it is
-    carried from either end.
+    With ``p = -U'`` the derivative of the energy ``p^2/2`` by `U` is ``C p - excess``;
+    it is integrated from both ends.
     """
     if medium.gain <= 0:
         return 0.0
@@ -152,10 +154,10 @@ def shoot(medium: Medium) -> float:
     x = np.linspace(start, stop, 8001)
     force = medium.excess(x)
     held = np.flatnonzero(force < 0)
-    if held.size == 0:  # the contacts ahead give way by themselves
+    if held.size == 0:  # the contacts ahead break by themselves
         return math.inf
     middle = x[held[-1] + 1]
-    # Up to there from the places of rest the force is linear.
+    # Between the places of rest and these ends the force is linear.
     ahead = -force[0] / (start - medium.prestress)
     behind = force[-1] / (medium.rest - stop)
 

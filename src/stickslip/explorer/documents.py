@@ -1,7 +1,7 @@
-"""Rigs as the page holds them: the content of a rig file, as a plain mapping.
+"""Rigs in the form of the page: the content of a rig file, as a plain mapping.
 
-A field of the page shows the text in the document; every check is made here,
-by `stickslip.io`.
+A field of the page shows the text in the document; all checks are made here, by
+`stickslip.io`.
 """
 
 import json
@@ -34,9 +34,9 @@ from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-# seconds of a run, as estimated before it starts; it is cut short to that
+# longest run of the page, in estimated seconds; a longer one is cut short
 LONGEST = 4.0
-# of a drive, that a run shows at least; one that would have to be shorter is refused
+# least fraction of a drive that a run must show; a shorter run is refused
 SHORTEST = 0.02
 MOST = {
     "contacts": 1_000_000,
@@ -45,31 +45,31 @@ MOST = {
     "bins": 1_000,
     "blocks": 400,
 }
-"""Largest numbers of contacts, samples, pieces, bins and blocks that the page takes, so
-that it answers at once.
+"""Largest numbers of contacts, samples, pieces, bins and blocks that the page accepts,
+so that it responds quickly.
 """
 DIGITS = 5  # significant digits of the numbers that the page shows
-DECADES = 15  # powers of ten of a number of the model, in natural units
+DECADES = 15  # largest power of ten of a number of the model, in natural units
 NARROWEST, WIDEST = 2e-3, 5.0
-"""Bounds on the standard deviation of the thresholds over their mean, and on both in
-``x_s``: theory takes its steps by the narrowest distribution and goes as far as the
-widest.
+"""Bounds on the standard deviation of the thresholds over their mean, and on the sum of
+both in ``x_s``: theory takes steps as small as the narrowest distribution and goes as
+far as the widest.
 """
 
 LARGEST_REQUEST = 1_000_000  # bytes of a message from the page, and of a document
 
-# parameters of the theory of stability: the axes of the map
+# parameters of stability theory: the axes of the map
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
-"""Scales for a rig in natural units that is to be shown in SI: those of the example
+"""Scales of a rig in natural units that is to be shown in SI: those of the example
 pmma_slider.
 """
 
 
 def from_json(content: str | bytes) -> object:
-    """Read a message of a page: JSON of bounded size with finite numbers and texts
-    that can be written.
+    """Read a message of a page: JSON of limited size, with finite numbers and texts
+    that can be encoded.
     """
     if len(content) > LARGEST_REQUEST:
         raise InputError(
@@ -85,9 +85,7 @@ def from_json(content: str | bytes) -> object:
 
 
 def rig_of(document: object) -> Rig:
-    """Make the rig that a document describes, with one slider; an elastic one is
-    refused.
-    """
+    """Make the rig of a document with a single slider; an elastic slider is refused."""
     rig = any_rig_of(document)
     if isinstance(rig.slider, ElasticBody):
         raise InputError(
@@ -102,7 +100,7 @@ def rig_of(document: object) -> Rig:
 
 
 def any_rig_of(document: object) -> Rig:
-    """Make the rig that a document describes, be its slider rigid or elastic."""
+    """Make the rig of a document, with a rigid or an elastic slider."""
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
     return io.from_document(document)
@@ -130,7 +128,7 @@ def of(rig: Rig) -> Document:
 
 def shortened(rig: Rig, seconds: float) -> Rig:
     """Return the rig with its drive cut short, so that a run takes no longer than
-    this by estimate, if that will do.
+    `seconds` by estimate; the rig itself if that would leave too little.
     """
     short = rig
     for _ in range(6):
@@ -146,8 +144,8 @@ def shortened(rig: Rig, seconds: float) -> Rig:
 
 
 def extended(rig: Rig, seconds: float) -> Rig | None:
-    """Return the rig with a drive twice as long; None if that would take too long,
-    or the drive is not constant.
+    """Return the rig with a drive twice as long; None if that would take too long, or
+    the drive is not constant.
     """
     try:
         longer = lasting(rig, 2.0 * rig.drive.duration)
@@ -157,8 +155,8 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
 
 
 def rig_asked_for(request: Mapping[str, Any]) -> Rig:
-    """Make the rig of a request, with the duration, in its own units, that its run on
-    the page had, if that is given.
+    """Make the rig of a request, with the duration, in the rig's own units, of its run
+    on the page, if given.
     """
     rig = rig_of(request.get("document"))
     duration = request.get("duration")
@@ -168,7 +166,7 @@ def rig_asked_for(request: Mapping[str, Any]) -> Rig:
 
 
 def check_size(rig: Rig, seconds: float) -> None:
-    """Raise `InputError` if a run would keep the page waiting."""
+    """Raise `InputError` if a run would take too long for the page."""
     check_decades(rig)
     for name in ("thresholds", "initial", "newborn"):
         if isinstance(distribution := getattr(rig.interface, name), Empirical):
@@ -191,15 +189,17 @@ def check_size(rig: Rig, seconds: float) -> None:
 
 
 def check_work(rig: Rig, seconds: float) -> None:
-    """Raise `InputError` if a run takes longer than this, on the machine that costs
-    were measured on: a page shows as much of it everywhere.
+    """Raise `InputError` if a run takes longer than this on the machine on which costs
+    were measured, so that all machines accept the same runs.
     """
     seconds *= slowness()
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 
 def check_count(key: str, what: str, count: float) -> None:
-    """Raise `InputError` if there is more of something than a page can wait for."""
+    """Raise `InputError` if a number of contacts, samples and so on is too large for
+    the page.
+    """
     if count > MOST[what]:
         more = (
             f"at most {MOST[what]} {what}, here {count:.6g}, to stay live; for more "
@@ -230,8 +230,8 @@ def check_decades(rig: Rig) -> None:
 
 
 def check_thresholds(rig: Rig) -> None:
-    """Raise `InputError` if theory would keep the page waiting: it resolves the
-    distribution of thresholds.
+    """Raise `InputError` if theory would take too long for the page, as it must resolve
+    the distribution of thresholds.
     """
     thresholds = rig.interface.threshold_distribution
     mean = thresholds.moment(1)
@@ -248,11 +248,10 @@ def check_thresholds(rig: Rig) -> None:
 
 
 def complaints(error: Exception) -> list[dict[str, str]]:
-    """Return the mistakes in a document, each with the key that it belongs to (empty if
-    there is none).
+    """Return the mistakes in a document, each with its key (empty if there is none).
 
-    More mistakes than a rig has keys stand beside no field: they are reported in one
-    line, which counts the rest.
+    If there are more mistakes than a rig has keys, they are reported in one line, which
+    counts the rest, and not beside fields.
     """
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
     if len(mistakes) > sum(map(len, io.TABLES.values())):
@@ -267,8 +266,8 @@ def complaints(error: Exception) -> list[dict[str, str]]:
 
 
 def with_parameters(document: Document, values: Mapping[str, Any]) -> Document:
-    """Return a document with other values of some parameters, in the basic units of its
-    own system (N/m, m/s, kg; natural).
+    """Return a document with other values of some parameters, in the basic units of the
+    document's own system (N/m, m/s, kg; natural).
     """
     rig = rig_of(document)
     for name, value in values.items():
@@ -277,7 +276,7 @@ def with_parameters(document: Document, values: Mapping[str, Any]) -> Document:
                 f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}"
             )
         rig = rig.with_values(**{name: number(name, value, above=0)})
-    # A parameter is varied at constant eta, as on the map.
+    # Parameters are varied at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
     return _like(document, rig, damping_ratio=ratio)
 
@@ -289,9 +288,9 @@ def with_damping(document: Document, ratio: bool) -> Document:
 
 def in_units(document: Document, units: str, scales: Any = None) -> Document:
     """Return a document in the other system of units, and the scales of the one in SI,
-    for the way back.
+    so that it can be converted back.
 
-    Without scales, those of the PMMA bench among the examples are taken.
+    The default scales are those of the PMMA example.
     """
     if units not in ("SI", "natural"):
         raise refused("units", units, "must be 'SI' or 'natural'")
@@ -303,7 +302,7 @@ def in_units(document: Document, units: str, scales: Any = None) -> Document:
     except TypeError:
         words = "must be a table of force, stretching and time"
         raise refused("scales", scales, words) from None
-    # The assumptions of a file hold for its own numbers alone.
+    # The assumptions of a file hold only for its own numbers.
     converted = replace(rig, scales=None if rig.scales else back, assumed={})
     found = {"document": _like(document, converted, damping_ratio=_by_ratio(document))}
     return found | ({"scales": vars(rig.scales)} if rig.scales else {})
@@ -345,8 +344,8 @@ def presets() -> tuple[dict[str, Any], ...]:
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(io.example, io.example_names())
-        # A slow fault whose contacts heat breaks slips twice while a page waits:
-        # too few for a verdict.
+        # A slow fault with thermal contacts slips only twice in the longest run of a
+        # page, too few for a verdict.
         if rig.name != bench["name"]
         and rig.interface.activation is None
         and isinstance(rig.slider, Slider)
@@ -363,8 +362,8 @@ def presets() -> tuple[dict[str, Any], ...]:
 
 
 def page_content() -> dict[str, Any]:
-    """Return the content of a page at its start: presets, bars, the questions of the
-    tour, and the explanation of each quantity and field.
+    """Return the initial content of a page: presets, bars, the questions of the tour,
+    and the explanation of each quantity and field.
     """
     shipped = _table("presets")
     bar = io.example("pmma_bar")
@@ -382,8 +381,8 @@ def _table(name: str) -> dict[str, Any]:
 
 
 def first_document() -> Document:
-    """Return the rig that the app begins with: a bench for teaching, in a shorter
-    run so that it answers at once.
+    """Return the rig that the app begins with: the teaching bench with a shorter run,
+    so that it responds quickly.
     """
     document = of(io.example("teaching_bench"))
     document["drive"]["distance"] = "60 mm"

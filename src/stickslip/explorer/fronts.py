@@ -1,5 +1,5 @@
-"""Runs of an elastic slider for the page Fronts: its force, the motion along the
-bar, and each event closer.
+"""Runs of an elastic slider for the page Fronts: its force, the motion along the bar,
+and an enlarged view of each event.
 """
 
 import math
@@ -19,20 +19,20 @@ from stickslip.model import Chain, Contacts, Output
 from stickslip.plot import envelope
 from stickslip.simulation import simulate
 
-_PATIENCE = 4.0  # times as long as a run of the page Simulate
-_MOST_VALUES = 4_000_000  # of each block at each time
-_PER_BLOCK = 3.0  # samples while sound passes one
-# pixels in time, of the whole run and of an event
+_PATIENCE = 4.0  # longest run, over that of the page Simulate
+_MOST_VALUES = 4_000_000  # most values, of all blocks at all times
+_PER_BLOCK = 3.0  # samples in the time that sound needs to pass a block
+# pixels in time of the whole run, and of an event
 _ROWS = 600
 _CLOSE = 240
-_EVENTS = 12  # that can be looked at closer
+_EVENTS = 12  # number of events with an enlarged view
 _FEWEST = 3  # blocks of the smallest event that is listed
-_DECADES = 3.0  # of velocity below the largest
+_DECADES = 3.0  # decades of velocity shown below the largest
 
 
 def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Run a bar; return its force, its pictures in space and time, and its events
-    with extent and speed.
+    """Run a bar; yield its force, its pictures in space and time, and its events with
+    extent and speed.
     """
     rig = documents.any_rig_of(request.get("chain"))
     body = rig.slider
@@ -68,7 +68,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
             (measure.fronts(run), "front"),
         )
     )
-    # A bar that does not come to rest again has a front, and no event.
+    # A bar that does not come to rest again has a front but no event.
     events = events or [{**front, "drop": 0.0} for front in along]
     longest = sorted(
         sorted(events, key=lambda event: -event["blocks"])[:_EVENTS],
@@ -110,8 +110,8 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _closer(run: xr.Dataset, event: dict[str, Any], sound: float) -> xr.Dataset:
-    """The run in an event, from a little before it to a little after, in four
-    samples at least.
+    """Return the run during an event, from a little before to a little after it, with
+    at least four samples.
     """
     lasts = max(event["end"] - event["start"], event["blocks"] / sound)
     first, last = np.searchsorted(
@@ -123,8 +123,8 @@ def _closer(run: xr.Dataset, event: dict[str, Any], sound: float) -> xr.Dataset:
 def _view(
     part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int
 ) -> Plain:
-    """Force, velocity of the blocks and attached contacts in a part of a run, by the
-    axes of time and force.
+    """Return force, velocity of the blocks and attached fraction in a part of a run, in
+    the units of the given axes of time and force.
     """
     t, F = envelope(
         in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most
@@ -146,8 +146,8 @@ def _view(
 
 
 def _bytes(part: Array) -> Plain:
-    """Parts from 0 to 1 at each time in each block, a byte each, a line for each
-    block.
+    """Encode fractions from 0 to 1 at each time in each block as bytes, one line for
+    each block.
     """
     bytes_ = np.rint(255.0 * np.clip(np.nan_to_num(part.T, neginf=0.0), 0.0, 1.0))
     return {**packed(bytes_, "u1"), "shape": "{}, {}".format(*bytes_.shape)}

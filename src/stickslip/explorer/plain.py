@@ -1,4 +1,4 @@
-"""Runs and traces as plain data for a screen: arrays, axes with units, the force
+"""Runs and traces as plain data for a screen: arrays, axes with units, and the force
 with its slips and regime.
 """
 
@@ -20,17 +20,17 @@ from stickslip.words import number, prefixed
 
 Plain = dict[str, Any]
 Watch = Callable[[float], None]
-"""Called with the fraction of the work that is done; it raises where nobody waits
-for the rest.
+"""Function that is called with the completed fraction of the work; it raises if nobody
+waits for the result any more.
 """
 
-_MOST_MARKED = 2_000  # slips; more cannot be distinguished on a screen
+_MOST_MARKED = 2_000  # most slips that are marked; a screen does not resolve more
 _ALONG_PATH = 1_200  # points of a curve in the plane
 
 
 def force_trace(data: xr.Dataset, width: int) -> Plain:
     """Return the force against time, thinned to the width of the screen, with its
-    regime in words, its drops, and its slips if it has any.
+    regime as text, its drops, and its slips if there are any.
     """
     seen, drops = measure.regime_and_drops(data)
     words = measure.transitions_in_words(data)
@@ -47,7 +47,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     frequency = ""
     if not (words or seen.is_in_turn or seen.kind == "smooth sliding"):
         frequency = _frequency(seen)
-    # parts stand in a table of their own
+    # the parts have a table of their own
     evidence = str(replace(seen, segments=())).splitlines()
     return {
         "time": {**times, "values": packed(t)},
@@ -78,7 +78,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
 
 
 def _frequency(seen: measure.Regime) -> str:
-    """Frequency of an oscillation in words; empty without a period."""
+    """Return the frequency of an oscillation as text; empty without a period."""
     if math.isfinite(seen.frequency):
         return f"{number(seen.frequency, 3)} Hz"
     if math.isfinite(seen.period):
@@ -87,7 +87,7 @@ def _frequency(seen: measure.Regime) -> str:
 
 
 def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
-    """Return a number of a request within its bounds, or `usual` if it is missing."""
+    """Return a number of a request, limited to its bounds, or `usual` if missing."""
     value = request.get(key)
     if isinstance(value, (int, float)) and math.isfinite(value):
         return min(max(float(value), low), high)
@@ -95,13 +95,13 @@ def within(request: Plain, key: str, low: float, high: float, usual: float) -> f
 
 
 def width_of(request: Plain) -> int:
-    """Return the width of the page that asks, in pixels."""
+    """Return the width of the requesting page, in pixels."""
     return int(within(request, "width", 100, 4_000, 1_000))
 
 
 def axis(variable: xr.DataArray) -> Plain:
-    """Return the name and the unit of an axis; SI units get the prefix that suits the
-    values, which `factor` divides out.
+    """Return the name and the unit of an axis; an SI unit gets the prefix that suits
+    the values, and values are divided by `factor`.
     """
     name = name_of(variable)
     largest = float(np.nanmax(np.abs(variable.values), initial=0.0))
@@ -112,17 +112,17 @@ def axis(variable: xr.DataArray) -> Plain:
 
 
 def in_unit(variable: xr.DataArray, along: Plain) -> Array:
-    """Values in the unit of an axis."""
+    """Return values in the unit of an axis."""
     return np.asarray(variable / along["factor"])
 
 
 def span(data: xr.Dataset, times: Plain) -> list[float]:
-    """Return when a run, or a trace, begins and ends."""
+    """Return the times at which a run or a trace begins and ends."""
     return [float(time) / times["factor"] for time in data["time"][[0, -1]]]
 
 
 def name_of(variable: xr.DataArray) -> Plain:
-    """Name and unit of a variable."""
+    """Return the name and the unit of a variable."""
     return {
         "title": str(variable.attrs.get("long_name", variable.name)),
         "unit": units_of(variable),
@@ -130,12 +130,12 @@ def name_of(variable: xr.DataArray) -> Plain:
 
 
 def floats(values: Array) -> list[float | None]:
-    """Return numbers as JSON holds them; None for NaN and infinity."""
+    """Return numbers in the form of JSON; None for NaN and infinity."""
     return [float(value) if math.isfinite(value) else None for value in values]
 
 
 def packed(values: NDArray[Any], kind: str = "f4") -> Plain:
-    """An array as plotly.js takes it without parsing numbers."""
+    """Return an array in the form that plotly.js reads without parsing numbers."""
     return {
         "dtype": kind,
         "bdata": base64.b64encode(values.astype(f"<{kind}").tobytes()).decode(),
@@ -143,7 +143,7 @@ def packed(values: NDArray[Any], kind: str = "f4") -> Plain:
 
 
 def along_path(x: Array, y: Array) -> tuple[Array, Array]:
-    """Thin out a curve in the plane: evenly along its path, so that fast parts keep
+    """Thin out a curve in the plane, evenly along its path, so that fast parts keep
     their points.
     """
     if x.size <= _ALONG_PATH:

@@ -1,10 +1,10 @@
-"""The server: the pages, and one websocket for each window, on which it asks
-everything.
+"""The server: the pages, and one websocket for each window, which carries all its
+questions.
 
-It computes nothing itself: questions go to `workers`. Nothing is kept between
+The server computes nothing itself: questions go to `workers`. Nothing is kept between
 questions: the page sends the whole rig, or the whole trace, each time, so windows
-cannot disturb or see each other. On each websocket there is a lane for each kind of
-question; in a lane the newest question wins, and older ones are dropped.
+cannot disturb or see each other. Each websocket has a lane for each kind of question;
+in a lane the newest question wins, and older ones are dropped.
 """
 
 import asyncio
@@ -54,14 +54,15 @@ _HEADERS = {
 class Limits(NamedTuple):
     """Limits on the questions of one visitor."""
 
-    run: float  # seconds of a run, by estimate; longer ones are cut short
-    quick: float  # seconds after which a question is given up
-    # as much of a map, mitigations, a fit with intervals; its table is kept
+    run: float  # longest run, in estimated seconds; longer ones are cut short
+    quick: float  # seconds after which a quick question is given up
+    # the same for slow questions (a map, mitigations, a fit with intervals); the table
+    # of a fit is kept
     slow: float
-    trace: int  # bytes of a measured trace
+    trace: int  # most bytes of a measured trace
     table: bool  # whether a fit may make the table of simulations that it needs
-    together: int  # slow questions of one window
-    windows: int  # from one address
+    together: int  # slow questions of one window at a time
+    windows: int  # windows from one address
 
 
 ALONE = Limits(
@@ -93,10 +94,10 @@ def run(
         config = uvicorn.Config(
             application(begin, number, host=host, token=token),
             ws="websockets-sansio",
-            # less is refused in words
+            # larger messages are closed without words, so leave room to refuse in words
             ws_max_size=(SHARED if share else ALONE).trace
             + 2 * documents.LARGEST_REQUEST,
-            ws_ping_timeout=120.0,  # on its way a large trace may hold up the answer
+            ws_ping_timeout=120.0,  # a large trace in transit may delay the pong
             log_level="warning",
             access_log=False,
             headers=[*_HEADERS.items()],
@@ -110,7 +111,9 @@ def run(
 
 
 def _own_address() -> str:
-    """The address of this machine on its local network; nothing is sent to find it."""
+    """Return the address of this machine on its local network; nothing is sent to find
+    it.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))
@@ -126,7 +129,7 @@ def _own_address() -> str:
 
 
 def _listen(host: str, port: int | None) -> socket.socket:
-    """Bind to one address only: the loopback interface, or that on the local
+    """Bind to a single address: the loopback interface, or the one on the local
     network.
     """
     for candidate in (PORT, 0) if port is None else (port,):
@@ -141,7 +144,7 @@ def _listen(host: str, port: int | None) -> socket.socket:
 
 
 class _Shared:
-    """State that all windows share: the workers, the limits, and the number of windows
+    """State shared by all windows: the workers, the limits, and the number of windows
     from each address.
     """
 
@@ -149,8 +152,8 @@ class _Shared:
         self.limits = limits
         cores = os.cpu_count() or 1
         self.quick = Crew("quick", max(2, cores))
-        # More than there are cores: the system shares them out, so that a long search
-        # holds up nobody's map.
+        # More workers than cores: the system divides the time between them, so that a
+        # long search does not delay another window's map.
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = (
@@ -172,8 +175,8 @@ class _Shared:
 def application(
     begin: documents.Document, port: int, *, host: str = HOST, token: str = ""
 ) -> ASGIApp:
-    """Return the app that begins with a document, and is reached at an address,
-    behind a token if there is one.
+    """Return the app that begins with a document and is served at an address, behind a
+    token if there is one.
     """
     shared = _Shared(begin, SHARED if token else ALONE)
 
@@ -199,7 +202,7 @@ def application(
 
 
 class _Guard:
-    """Refuses requests without the token, under a foreign name (DNS rebinding) or
+    """Refuses requests without the token, with a foreign host name (DNS rebinding) or
     from a page of another site.
     """
 
@@ -212,7 +215,7 @@ class _Guard:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on the requests of our own pages."""
+        """Pass on the requests of our own pages, and refuse others."""
         refusal: ASGIApp = PlainTextResponse(
             "This server answers its own pages only.\n", 403
         )
@@ -228,7 +231,7 @@ class _Guard:
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         origins = headers.getlist("origin")
-        # A browser names the origin of every websocket.
+        # A browser sends the origin of every websocket.
         ours = [origin.removeprefix("http://") for origin in origins] or hosts * (
             scope["type"] == "http"
         )
@@ -238,7 +241,7 @@ class _Guard:
 
 
 class _Lane:
-    """Questions of one kind from one window: the newest wins."""
+    """Questions of one kind from one window, of which the newest wins."""
 
     def __init__(
         self,
@@ -253,15 +256,15 @@ class _Lane:
         self._send = send
         self._slow = kind in SLOW
         self._crew = shared.slow if self._slow else shared.quick
-        self._newest = threading.Event()  # set: dropped
+        self._newest = threading.Event()  # set when the question is dropped
         self._free = asyncio.Lock()
 
     def drop(self) -> None:
-        """Give up the work under way."""
+        """Abandon the work in progress."""
         self._newest.set()
 
     async def ask(self, request: Plain) -> None:
-        """Answer a question unless a newer one comes in."""
+        """Answer a question, unless a newer one arrives."""
         self.drop()
         self._newest = dropped = threading.Event()
         limits = self._limits
@@ -332,7 +335,7 @@ async def _serve(shared: _Shared, websocket: WebSocket) -> None:
                 continue
             task = asyncio.create_task(lane.ask(request))
             tasks.add(task)
-            # asyncio prints the error that ended it on the terminal
+            # asyncio prints the error that ended the task on the terminal
             task.add_done_callback(tasks.discard)
     finally:
         for lane in lanes.values():
@@ -342,8 +345,8 @@ async def _serve(shared: _Shared, websocket: WebSocket) -> None:
 
 
 def _question(message: Message, kinds: Collection[str], largest: int) -> Plain:
-    """Read a question: a table with its kind and its number; where a file comes with
-    it, the first line of it.
+    """Read a question: a table with its kind and number; if a file is attached, the
+    question is the first line.
     """
     text = message.get("text")
     content = b""

@@ -1,5 +1,5 @@
 """The page Simulate: a run with its force, phase portrait and stretchings, its
-contacts, and the rig changed.
+contacts, and changes of the rig.
 """
 
 import math
@@ -32,10 +32,10 @@ from stickslip.explorer.plain import (
 from stickslip.model import Delay, Rig
 from stickslip.simulation import simulate
 
-FRAMES = 1_200  # 40 s, at 30 a second
+FRAMES = 1_200  # 40 s at 30 frames a second
 STEP = 1e-3  # resolution of the stretchings that are sent to the page, in x_s
-_EXTENSIONS = 3  # of a run that is undecided, each twice as long
-# of the friction law: speeds about that of the drive
+_EXTENSIONS = 3  # most extensions of an undecided run, each to twice the length
+# the friction law is shown up to this factor above and below the speed of the drive
 _LAW = 300.0
 _LAW_POINTS = 61
 
@@ -44,8 +44,8 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Simulate a rig: yield its force trace, phase portrait, stretchings at the
     cursor's time and regime; then the friction forces.
 
-    A drive that would take too long is cut short. A run whose regime is undecided is
-    made twice as long, up to `_EXTENSIONS` times.
+    A drive that would take too long is cut short. If the regime of a run is undecided,
+    it is made twice as long, up to `_EXTENSIONS` times.
     """
     asked = documents.rig_asked_for(request)
     seconds = documents.seconds_of(request)
@@ -89,8 +89,8 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Yield the kinetic friction against speed, about the speed of the drive, with the
-    speeds at which it is largest or smallest.
+    """Yield the kinetic friction against speed, around the speed of the drive, with the
+    speeds of its maxima and minima.
     """
     rig = documents.rig_asked_for(request)
     documents.check_decades(rig)
@@ -98,7 +98,7 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
     velocity = rig.natural.velocity
     if velocity <= 0:
         raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
-    # of thresholds that age each speed takes a hundred times as long
+    # with thresholds that age each speed takes a hundred times as long
     aged = rig.interface.ageing is not None
     around, count = (30.0, 13) if aged else (_LAW, _LAW_POINTS)
     low = velocity / around
@@ -137,7 +137,7 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The distribution of stretchings at another time of the same run."""
+    """Yield the distribution of stretchings at another time of the same run."""
     rig = documents.rig_asked_for(request)
     seconds = documents.seconds_of(request)
     made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
@@ -145,7 +145,7 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Frames of the contacts one by one, from the cursor on; see `plot.frames`."""
+    """Yield frames of the single contacts, from the cursor on; see `plot.frames`."""
     rig = documents.rig_asked_for(request)
     documents.check_size(rig, documents.seconds_of(request))
     seen = plot.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
@@ -167,8 +167,8 @@ def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """A document with parameters varied, in other units, or with the damping given
-    in the other way.
+    """Yield a document with varied parameters, in other units, or with the damping in
+    its other form.
     """
     del watch
     document: Any = request.get("document")
@@ -195,8 +195,8 @@ def _run(
 
 
 def _phase(data: xr.Dataset) -> Plain:
-    """Force against velocity in the last two fifths of the run, and the range that
-    shows noise as small as it is.
+    """Return the force against velocity in the last two fifths of the run, with a range
+    of the axes in which small noise looks small.
     """
     late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
     velocity = axis(late["velocity"])
@@ -222,7 +222,7 @@ def _phase(data: xr.Dataset) -> Plain:
 
 
 def _room(values: Array, least: float) -> list[float]:
-    """The range of values, 0 and a number, with a margin."""
+    """Return the range of the values, including 0 and `least`, with a margin."""
     low = min(values.min(), 0.0)
     high = max(values.max(), least)
     margin = 0.04 * (high - low or 1.0)
@@ -242,7 +242,7 @@ def _stretchings(data: xr.Dataset) -> Plain:
 
 def _friction(rig: Rig) -> Plain:
     """Return F_k at the drive's speed and F_s of slow rigid motion, in the unit of the
-    force; and K*, in words.
+    force, and both with K* as text.
     """
     aged = replace(rig.interface, ageing=None)
     when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
@@ -279,8 +279,8 @@ _critical_stiffness = lru_cache(maxsize=64)(rigid.critical_stiffness)
 
 
 def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a
-    picture.
+    """Yield a file: the rig as TOML, or the run on the page, with its duration, as
+    NetCDF or as a picture.
     """
     rig = documents.rig_asked_for(request)
     with tempfile.TemporaryDirectory() as folder:
@@ -301,7 +301,7 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _cursor_time(request: Plain, rig: Rig) -> float:
-    """Return the time of the cursor, at most just before the end, where rounding could
-    take it beyond.
+    """Return the time of the cursor, at most just before the end, which rounding might
+    exceed.
     """
     return within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration

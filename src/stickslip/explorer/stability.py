@@ -1,5 +1,5 @@
-"""The pages Map and Stop: linear stability over two parameters, and changes that
-stop stick-slip.
+"""The pages Map and Stop: linear stability over two parameters, and changes that stop
+stick-slip.
 """
 
 import math
@@ -14,14 +14,14 @@ from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
 
-_POINTS = 72  # of the map along each parameter, twice over
-# each point takes a hundred times as long, and theory ends at some speeds
+_POINTS = 72  # points of the map along each parameter, in each direction
+# With ageing each point takes a hundred times as long, and theory ends at some speeds.
 _AROUND_AGED = 5.0
 _POINTS_AGED = 24
 
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The stability map over two parameters, in the rig's units."""
+    """Yield the stability map over two parameters, in the rig's units."""
     rig = documents.rig_asked_for(request)
     documents.check_thresholds(rig)
     over = request.get("over")
@@ -86,18 +86,20 @@ def _map_axis(parameter: xr.DataArray) -> Plain:
 
 
 def _shade(fraction: Array) -> Array:
-    """Growth rates as fractions of the largest, stretched about zero."""
+    """Map growth rates, as fractions of the largest, to shades that are finer near
+    zero.
+    """
     return np.asarray(np.arcsinh(fraction / 1e-3) / np.arcsinh(1e3))
 
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Verdict, numbers, margins and mitigations."""
+    """Yield verdict, numbers, margins and mitigations."""
     seconds = documents.seconds_of(request)
     rig = documents.shortened(documents.rig_asked_for(request), seconds)
     documents.check_size(rig, seconds)
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
-    # elastic sliders have a page of their own
+    # an elastic slider was refused above
     assert isinstance(found, advise.Prediction)
     rows = {section.name: [*section.rows] for section in found.sections}
     yield {

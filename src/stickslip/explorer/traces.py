@@ -1,5 +1,5 @@
-"""Measured traces: their slips and regime, and the rig behind them by `quick_fit`
-and by `fit`. No state.
+"""Measured traces: their slips and regime, and the rig behind them by `quick_fit` and
+by `fit`; without state.
 """
 
 import math
@@ -27,13 +27,13 @@ from stickslip.words import engineering, listed
 
 _COARSE = 2_000  # draws of a table that is quick to make
 _SHOWN = 8  # slips in the overlay
-_SERIES = 60  # of slips, for the distribution of drops
-_OVERLAID = 3  # of them, drawn beside the trace
+_SERIES = 60  # series of slips that give the distribution of drops
+_OVERLAID = 3  # simulated traces drawn beside the measured one
 _DAMPING = 0.15
 
 
 def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The columns that may be chosen of a file, and the measured trace in it."""
+    """Yield the columns of a file that may be chosen, and the measured trace in it."""
     watch(0.0)
     with suppress(InputError):  # `_read` below reports the mistake
         yield {"columns": measure.columns(request["content"])}
@@ -51,8 +51,8 @@ def _name(request: Plain) -> str:
 
 
 def _options(request: Plain) -> dict[str, str]:
-    """Return the fields that were filled in: the columns (force, time) or the time from
-    row to row (step), and the known values for a fit.
+    """Return the fields that were filled in: the columns (force, time) or the time
+    between rows (step), and the known values for a fit.
     """
     instance("options", options := request.get("options", {}), dict, "a table of texts")
     return {key: text for key, value in options.items() if (text := str(value).strip())}
@@ -62,7 +62,7 @@ _FIELDS = {"force": "force column", "time": "time column", "step": "seconds per 
 
 
 def _read(request: Plain) -> xr.Dataset:
-    """The trace of a request, from its content and the columns that were named."""
+    """Return the trace of a request, from its content and the named columns."""
     given: dict[str, Any] = {
         name: text for name, text in _options(request).items() if name in _FIELDS
     }
@@ -82,8 +82,8 @@ def _read(request: Plain) -> xr.Dataset:
 
 
 def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
-    """A trace to try: slips of a rig whose truth is known, as a force sensor with
-    noise would have recorded them.
+    """Yield a trace for trial: slips of a known rig, as recorded by a force sensor with
+    noise.
     """
     run = fitting.synthetic_trace()
     rows = [
@@ -94,8 +94,8 @@ def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
 
 
 def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The readings of a trace, the rig that they make by closed forms, and what
-    intervals would take.
+    """Yield the readings of a trace, the rig that they give in closed form, and the
+    time that intervals would take.
     """
     watch(0.0)
     events = fitting.pick_events(_read(request))
@@ -106,8 +106,8 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     number("damping ratio", zeta, at_most=0.95)
     overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
     force = force_unit_in_newtons(events, {})
-    # A slider on a spring oscillates about the friction in the slip, and falls as far
-    # below it as damping leaves.
+    # During a slip the slider oscillates about the friction force, and overshoots it
+    # downwards by a fraction that depends on the damping.
     in_slips = (
         force
         * (float(events.troughs.mean()) + overshoot * events.mean_peak)
@@ -168,12 +168,12 @@ def _quick(
     assumed = dict(rig.assumed)
     if "in slips" in given and isinstance(given["kinetic"], float):
         assumed["interface.thresholds"] = Assumption("", _FAST)
-    # as long as a slip: shorter, and contacts hold again within it; longer, and they
-    # are late
+    # The delay is that of a slip: with a shorter one contacts hold again within the
+    # slip, with a longer one they hold too late.
     if "half" not in given:
         lasts = events.slip_samples * events.step * time_unit_in_seconds(events)
         how = "as long as a slip was recorded to last"
-        # detached for the delay, contacts carry less the faster they slide
+        # Detached for the delay, contacts carry less force the faster they slide.
         if given.get("in slips", 0.0) > 0:
             slow = rig.unit("f_s") * float(
                 sliding.kinetic_friction(rig.natural.interface, 1.0)
@@ -214,7 +214,7 @@ def _quick(
 
 
 def _rig(rig: Rig) -> Plain:
-    """A rig for the page Simulate, and as a file with the draws of its fit."""
+    """Return a rig for the page Simulate, and as a file with the draws of its fit."""
     return {
         "document": documents.of(replace(rig, fitted={})),
         "toml": io.to_toml(rig),
@@ -224,8 +224,8 @@ def _rig(rig: Rig) -> Plain:
 def _overlay(
     rig: Rig, events: fitting.Events, seconds: float, watch: Watch
 ) -> tuple[Plain, str, bool]:
-    """Some slips of the trace beside those of a rig in sustained stick-slip, the
-    comparison in words, and whether the rig fits.
+    """Return several slips of the trace beside those of a rig in sustained stick-slip,
+    the comparison as text, and whether the rig fits.
     """
     begin, end, first = _window(events)
     unit = time_unit_in_seconds(events)
@@ -273,8 +273,8 @@ def _overlay(
 
 
 def _window(events: fitting.Events) -> tuple[float, float, float]:
-    """From when to when the overlay goes, in the trace's unit of time, and when its
-    first slip begins.
+    """Return the begin and the end of the overlay, in the trace's unit of time, and the
+    begin of its first slip.
     """
     at = max((len(events) - _SHOWN) // 2, 0)
     first = float(events.time[events.peak_at[at]])
@@ -285,7 +285,7 @@ def _window(events: fitting.Events) -> tuple[float, float, float]:
 def _beside(
     events: fitting.Events, series: list[Plain], begin: float, end: float
 ) -> Plain:
-    """A part of the trace, with simulated forces beside it, in the units of the
+    """Return a part of the trace and simulated forces beside it, in the units of the
     trace.
     """
     seen = (events.time >= begin) & (events.time <= end)
@@ -299,14 +299,14 @@ def _beside(
 
 
 def line(x: Array, y: Array) -> Plain:
-    """A line, thinned out to a screen's width."""
+    """Return a line, thinned to the width of a screen."""
     x, y = envelope(x, y, 2_400)
     return {"x": packed(x), "y": packed(y)}
 
 
 def _plan(events: fitting.Events) -> Plain:
-    """Return the seconds that a fit with intervals takes for each size of its table;
-    the reason where there can be none.
+    """Return the seconds that a fit with intervals takes for each size of its table; or
+    the reason why it is impossible.
     """
     try:
         fitting.check(events)
@@ -351,7 +351,7 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "text": str(one),
                 "says": _VERDICTS[str(one.verdict)],
                 "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
-                # ends of its interval within the prior, 0 to 1
+                # ends of the interval as fractions of the prior, 0 to 1
                 "part": list(one.parts or ()),
             }
             for one in found.parameters
@@ -377,8 +377,8 @@ _VERDICTS = {
 
 
 def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Some slips of the trace, and as long parts of traces that some draws make,
-    loaded as it was.
+    """Return several slips of the trace, and equally long parts of traces from some
+    draws, with the same loading.
     """
     begin, end, _ = _window(events)
     series = []
@@ -399,8 +399,8 @@ def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
 
 
 def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Return the fraction of the slips up to each drop: of the trace, and of series of
-    as many slips of the draws.
+    """Return the fraction of the slips up to each drop, for the trace and for series of
+    as many slips from the draws.
     """
     at = np.linspace(0.0, 1.25 * float(events.drops.max()), 120)
     below = []

@@ -1,5 +1,5 @@
-"""Loads the kernels when it is imported: by the process that workers are forked
-from, so that each is born warm.
+"""Loads the kernels when it is imported, by the process from which workers are forked,
+so that each of them starts with compiled kernels.
 """
 
 from contextlib import suppress
@@ -12,6 +12,6 @@ for simulation in (
 ):
     document = documents.first_document() | {"simulation": simulation}
     document["drive"]["distance"] = "5 mm"
-    with suppress(Exception):  # the first question of a page reports the error
+    with suppress(Exception):  # the first question of a page will report the error
         for _ in simulate.run({"document": document}, lambda _share: None):
             pass

@@ -1,14 +1,14 @@
-"""Processes that compute: one question at a time each, bounded in time and memory, and
-killed if they do not stop.
+"""Processes that compute, one question at a time, with limits on time and memory; they
+are killed if they do not stop.
 
-The server itself never computes, so that no question of one window can hold up another
-window's. Workers are forked from a process that has loaded the kernels already, so that
-a new one is ready at once.
+The server itself never computes, so no question of one window delays another window.
+Workers are forked from a process that has already loaded the kernels, so that a new one
+is ready at once.
 
-An answer is a generator, from a document to plain data, without state: each part
-is sent at once, so that the force trace does not wait for slower ones. It calls
-its `Watch` now and then with the fraction of the work done, which ends work that nobody
-waits for any more by raising.
+An answer is a generator of plain data from a document, without state: each part is sent
+as soon as it is ready, so that the force trace does not wait for slower parts. It calls
+its `Watch` regularly with the completed fraction of the work; the `Watch` raises to end
+work for which nobody waits any more.
 """
 
 import asyncio
@@ -52,14 +52,14 @@ SLOW = ("chart", "advice", "fronts", "posterior")
 
 Reply = Callable[[Any], object]
 
-GRACE = 1.0  # seconds that a worker has to stop by itself before it is killed
-MEMORY = 3_000_000_000  # bytes that a worker may take
+GRACE = 1.0  # seconds in which a worker must stop by itself before it is killed
+MEMORY = 3_000_000_000  # most bytes of a worker
 
 _STOP = "stop"
 
 
 class Job(NamedTuple):
-    """A question, its kind, and for how many seconds it may be worked on."""
+    """A question, its kind, and the most seconds that it may take."""
 
     kind: str
     request: Plain
@@ -67,10 +67,10 @@ class Job(NamedTuple):
 
 
 class Crew:
-    """Some workers, started when they are needed; `size` of them work at the same time.
+    """A pool of workers, started when they are needed, of which `size` work at a time.
 
-    The rest of the jobs wait in the order in which they came. A window waits with one
-    question of a kind at most, so that this is fair to all windows.
+    Other jobs wait in the order of their arrival. A window waits with at most one
+    question of a kind, so this is fair to all windows.
     """
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
@@ -80,8 +80,8 @@ class Crew:
         self._closed = False
 
     async def work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
-        """Do a job; `reply` is called, in another thread, with each answer, at last
-        with ``{"done": True}`` or errors.
+        """Do a job; `reply` is called, in another thread, with each part of the answer,
+        and finally with ``{"done": True}`` or errors.
 
         After `dropped` is set there is no reply, and the worker is free again within
         `GRACE`.
@@ -107,12 +107,12 @@ class Crew:
         self._closed = True
         self._threads.shutdown(wait=False, cancel_futures=True)
         with suppress(queue.Empty):
-            while True:  # endless: until none idles
+            while True:  # endless: until no idle worker is left
                 self._idle.get_nowait().kill()
 
 
 class _Worker:
-    """A process, and our end of the line to it."""
+    """A process, and our end of the pipe to it."""
 
     def __init__(self, niceness: int) -> None:
         self._line, theirs = _FORKS.Pipe()
@@ -123,7 +123,7 @@ class _Worker:
         theirs.close()
 
     def work(self, job: Job, reply: Reply, dropped: threading.Event) -> bool:
-        """Do a job; return whether the worker is fit for another."""
+        """Do a job; return whether the worker can do another."""
         deadline = time.monotonic() + job.seconds
         stopping = 0.0
         late = False
@@ -150,7 +150,7 @@ class _Worker:
                         )
                     self._line.send(_STOP)
                     stopping = now + GRACE
-        except (EOFError, OSError):  # killed from outside, for its memory as a rule
+        except (EOFError, OSError):  # killed from outside, usually for its memory
             if not dropped.is_set():
                 reply(
                     errors("the computation was killed, most likely for lack of memory")
@@ -168,19 +168,19 @@ _FORKS.set_forkserver_preload(["stickslip.explorer.warm"])
 
 
 class _StoppedError(Exception):
-    """Nobody waits for this work any more."""
+    """Raised when nobody waits for this work any more."""
 
 
 def _serve(line: Connection, niceness: int) -> None:
-    # Ctrl-C reaches all; the server ends us
+    # Ctrl-C reaches all processes; the server ends this one
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(niceness)
-    with suppress(ValueError, OSError):  # less is allowed already
+    with suppress(ValueError, OSError):  # the limit is lower already
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     with suppress(EOFError, OSError):
-        while True:  # endless: until the server hangs up
+        while True:  # endless: until the server closes the pipe
             job = line.recv()
-            if job != _STOP:  # else it came after the answer
+            if job != _STOP:  # a stop that came after the answer is ignored
                 _answer(line, job)
                 line.send(None)
 
@@ -207,13 +207,13 @@ def _answer(line: Connection, job: Job) -> None:
         line.send({"errors": documents.complaints(error)})
     except MemoryError:
         line.send(errors("not enough memory for this case; take fewer contacts"))
-    # no fault of ours: a document may hold any numbers
+    # not a fault of the package: a document may hold any numbers
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         what = "cannot be computed: its parameters span too many orders of magnitude"
         line.send(errors(f"{what} ({type(error).__name__})"))
     except (EOFError, OSError):
         raise
-    # the page stays alive whatever happens, and the terminal shows the traceback
+    # the page continues in any case, and the terminal shows the traceback
     except Exception as error:
         traceback.print_exc()
         line.send(errors(f"this failed: {type(error).__name__}: {error}"))

@@ -1,1 +1,1 @@
-"""Pure functions on arrays and numbers: numpy and numba only, nothing else of ours."""
+"""Pure functions on arrays and numbers; they import only numpy and numba."""

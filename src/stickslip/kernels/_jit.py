@@ -1,5 +1,5 @@
-"""The one place that knows how our kernels are compiled, and where their machine
-code is kept.
+"""Compilation of the kernels, and the folder of their machine code; no other module
+deals with either.
 """
 
 import contextlib
@@ -20,21 +20,21 @@ from numba.core.registry import CPUDispatcher
 from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., object])
-_numba: Any = numba  # its stubs know neither all of its settings nor all options
-_folders: Any = AppDirs  # nor this
+_numba: Any = numba  # its stubs lack some settings and options
+_folders: Any = AppDirs  # its stubs lack this class
 _FunctionCache: Any = FunctionCache
 
-# folders of machine code that stay: a switch between two branches, and back, compiles
-# nothing anew
+# number of folders of machine code that are kept, so that switching between branches
+# compiles nothing again
 _KEPT = 3
 
 
 def _place() -> Path | None:
-    """Return the folder of our machine code, which is named by a hash of all kernel
-    files; none if none can be written.
+    """Return the folder of our machine code, named by a hash of all kernel files; None
+    if no folder can be written.
 
-    numba compares a function with its own file only: its code would outlive a change to
-    what it calls in another file.
+    numba compares a function only with its own file: its code would outlive a change of
+    a function that it calls in another file.
     """
     here = Path(__file__).parent
     digest = hashlib.sha256()
@@ -49,7 +49,7 @@ def _place() -> Path | None:
             Path(_folders("numba", appauthor=False).user_cache_dir),
         ]
     for home in homes:
-        # without a home, the user's folder is "~/.cache" below the working directory
+        # in an environment without HOME, the user's folder would be relative
         if (given or home.is_absolute()) and _is_usable(home / name):
             _sweep(home)
             return home / name
@@ -60,7 +60,7 @@ def _is_usable(folder: Path) -> bool:
     """Make a folder, and return whether files can be written to it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        os.utime(folder)  # the last use, by which `_sweep` goes
+        os.utime(folder)  # records the last use, for `_sweep`
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
         return False
@@ -68,11 +68,10 @@ def _is_usable(folder: Path) -> bool:
 
 
 def _temporary(name: str) -> Path | None:
-    """Return a folder of this user alone among the temporary files; none if none can
-    be had.
+    """Return a folder of this user among the temporary files; None if there is none.
 
-    Whoever can write there decides what code runs here: a folder of somebody else, or
-    open to others, is not used.
+    Whoever can write there decides which code runs here, so a folder that belongs to
+    another user, or is open to others, is not used.
     """
     home = Path(tempfile.gettempdir()) / f"stickslip-{os.getuid()}"
     try:
@@ -97,8 +96,8 @@ def _temporary(name: str) -> Path | None:
 
 
 def _sweep(home: Path) -> None:
-    """Remove the machine code of kernels as they once were, but for the folders used
-    last.
+    """Remove the machine code of earlier versions of the kernels, except in the folders
+    used last.
     """
     folders = [
         folder
@@ -115,29 +114,29 @@ _PLACE = None if _numba.config.DISABLE_JIT else _place()
 
 
 def compiled_before() -> bool:
-    """Whether machine code of these kernels is kept from an earlier run."""
+    """Whether machine code of these kernels was kept by an earlier run."""
     return _PLACE is not None and any(_PLACE.rglob("*.nbi"))
 
 
 class _Cache(_FunctionCache):  # type: ignore[misc]
-    """Machine code on disk; what cannot be read, such as a file that was cut, is
-    removed and compiled anew.
+    """Machine code on disk; a file that cannot be read, such as a truncated one, is
+    removed and compiled again.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # unpickling what is damaged raises nearly anything
-            self.flush()  # write an empty index: new code is kept beside it
+        except Exception:  # unpickling damaged data raises nearly anything
+            self.flush()  # write an empty index; new code is added to it
             return None
 
 
 def _compiled(function: F, **options: bool) -> F:
-    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine
-    code in our own folder.
+    """Compile a kernel without the GIL, with numpy's rules for division by zero, and
+    with machine code in our own folder.
 
-    No kernel is handed to another as an argument: what numba would make for that is
-    left out.
+    No kernel is passed to another as an argument, so the C wrapper for that is not
+    made.
     """
     given = _numba.config.CACHE_DIR
     _numba.config.CACHE_DIR = str(_PLACE or "")
@@ -159,9 +158,9 @@ def _compiled(function: F, **options: bool) -> F:
 def jit(function: F) -> F:
     """Compile a kernel.
 
-    ``parallel=True`` is never used: it aborts under threads and dies under fork; run
+    ``parallel=True`` is never used, as it aborts under threads and dies under fork; run
     cases in parallel instead. With ``NUMBA_DISABLE_JIT=1`` the plain Python function
-    runs: the readable reference.
+    runs, as the readable reference.
     """
     return _compiled(function)
 
@@ -169,26 +168,26 @@ def jit(function: F) -> F:
 def bare(function: F) -> F:
     """Compile a kernel that makes no array, without numba's reference counting.
 
-    The arrays belong to the caller, who outlives the call. Small functions that hand
-    arrays to one another spend most of their time on atomic counts otherwise: the event
+    The arrays belong to the caller, which outlives the call. Otherwise small functions
+    that pass arrays to each other spend most of their time on atomic counts: the event
     engine took 1,200 ns an event with them, 340 ns without.
     """
     return _compiled(function, _nrt=False)
 
 
 class _Inlined(CPUDispatcher):
-    """A kernel that other kernels call; what Python calls is the plain function."""
+    """A kernel that other kernels call; Python calls get the plain function."""
 
     def __call__(self, *args: Any) -> Any:
         return self.py_func(*args)
 
 
 def inlined(function: F) -> F:
-    """Compile a small `bare` kernel into its callers: a call costs more than its work
-    (340, then 120 ns an event).
+    """Compile a small `bare` kernel into its callers, as a call costs more than its
+    work (340 ns an event with calls, 120 ns without).
 
-    It is not compiled for Python, too: to unpack a state of many arrays takes longer to
-    compile than the kernel.
+    No Python wrapper is compiled: unpacking a state of many arrays takes longer to
+    compile than the kernel itself.
     """
     kernel: Any = _compiled(
         function,

@@ -1,16 +1,15 @@
-"""Slips of a slider that is driven infinitely slowly, one after the other, in closed
-form.
+"""Successive slips of a slider that is driven infinitely slowly, in closed form.
 
-The slow-drive limit with re-attachment on arrest. Between slips all contacts are
-attached and the force rises until the first of them reaches its threshold. While the
-slider slips the drive stands still; each broken contact slides with a constant residual
+This is the slow-drive limit with re-attachment on arrest. Between slips all contacts
+are attached and the force rises until the first of them reaches its threshold. During a
+slip the drive stands still; each broken contact slides with a constant residual
 stretching, and re-attaches with it, and with a new threshold, when the slider first
 stops. Between two breaks the slider is a damped oscillator on the driving spring and
-the contacts still attached, so that a slip is a short sequence of exact arcs, and
-nothing is ever stepped.
+the attached contacts, so that a slip is a short sequence of exact arcs without time
+steps.
 
-Natural units, everything per contact: contact stiffness 1, mean threshold 1. The mass
-drops out with the speed.
+Natural units, everything per contact: contact stiffness 1, mean threshold 1. Neither
+the mass nor the speed matters.
 """
 
 import math
@@ -23,18 +22,18 @@ from .records import Counts, Floats
 from .tournament import enter, smallest, winner
 from .turning_points import PEAK, START, TROUGH, turn
 
-_WARM = 5  # each contact breaks so often before the first slip that counts
-_STEPS = 60
-_TRIES = 100
+_WARM = 5  # breaks of each contact before the first slip that counts
+_STEPS = 60  # most steps of Newton's method and bisection
+_TRIES = 100  # most draws of a threshold
 
 
 class Arrest(NamedTuple):
-    """Contacts, standard deviation of their thresholds, residual stretching, stiffness
-    K/N of the driving spring.
+    """Constants of contacts and slider: number of contacts, standard deviation of their
+    thresholds, residual stretching, stiffness K/N of the driving spring.
 
     `damping_ratio` is that of the free slider on the driving spring;
-    `slip_to_slip_scatter` the standard deviation of the factor that the thresholds
-    drawn in one slip have in common.
+    `slip_to_slip_scatter` is the standard deviation of the factor that all thresholds
+    drawn in one slip share.
     """
 
     contacts: int
@@ -52,8 +51,8 @@ def _threshold(
     factor: float,
     least: float,
 ) -> float:
-    """Draw a threshold beyond the stretching at birth; on a track too weak for any, one
-    that holds nothing.
+    """Draw a threshold above the stretching `least` at attachment; return `least`, so
+    that the contact breaks at once, if the track is too weak.
     """
     for _ in range(_TRIES):
         value: float = factor * (1.0 + std * rng.normal())
@@ -70,13 +69,14 @@ def _arc(
     ratio: float,
     distance: float,
 ) -> tuple[float, float, bool]:
-    """Distance and velocity of the slider after a distance `gap`, or where it first
-    stops; and whether it stops.
+    """Displacement and velocity of the slider after a distance, or at its first stop
+    before that; and whether it stops.
 
-    Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the
-    stiffness K of the driving spring, of which `ratio` is the damping ratio.
+    Time is in units of ``sqrt(M/K)``; the unbalanced force and its decrease per
+    distance are in units of the stiffness K of the driving spring, whose damping ratio
+    is `ratio`.
     """
-    rest = force / stiffness  # where the slider would settle
+    rest = force / stiffness  # displacement at which the slider would settle
     omega = math.sqrt(stiffness - ratio * ratio)
     across = (velocity - ratio * rest) / omega
     bend = ratio * across - rest * omega
@@ -118,8 +118,8 @@ def _attached_at_first(
     rng: np.random.Generator,
     breaks_at: Floats,
 ) -> Floats:
-    """Draw where contacts attached before the start, each a part of its way to its
-    threshold behind, and enter where they break.
+    """Draw the positions at which contacts attached before the start, each at a random
+    fraction of its threshold, and enter the positions at which they break.
     """
     count = model.contacts
     attached_at = np.empty(count)
@@ -140,7 +140,9 @@ def _attach(
     attached_at: Floats,
     breaks_at: Floats,
 ) -> None:
-    """Attach contacts at a place, with new thresholds, and enter where they break."""
+    """Attach contacts at a position, with new thresholds, and enter the positions at
+    which they break.
+    """
     for contact in contacts:
         attached_at[contact] = place
         threshold = _threshold(rng, model.std, factor, model.residual)
@@ -157,10 +159,11 @@ def _slip(
     breaks_at: Floats,
     broken: Counts,
 ) -> tuple[float, float, int]:
-    """Let the slider slip from `X` until it stops; the `broken` contacts are listed.
+    """Let the slider slip from `X` until it stops; list the broken contacts in
+    `broken`.
 
-    Returns where it stops, the sum `total` over the contacts that are left, and the
-    number of broken ones.
+    Returns the position at which it stops, the sum `total` over the remaining contacts,
+    and the number of broken ones.
     """
     count = model.contacts
     kappa = model.stiffness
@@ -204,12 +207,12 @@ def slips(
     troughs: Floats,
     breaks_at: Floats,
 ) -> int:
-    """Fill in the force, per contact, before and after each slip; return how many there
-    were.
+    """Fill in the force, per contact, before and after each slip; return the number of
+    slips.
 
-    Drops and rises below a part `floor` of the peak before are no slips of their own;
-    `most` contacts may break. `breaks_at` is room: a tournament of the positions of the
-    slider at which the contacts break.
+    Drops and rises smaller than the fraction `floor` of the preceding peak do not count
+    as slips; at most `most` contacts break. `breaks_at` is working memory: a tournament
+    of the positions of the slider at which the contacts break.
     """
     count = model.contacts
     kappa = model.stiffness
@@ -217,7 +220,7 @@ def slips(
     attached_at = _attached_at_first(model, rng, breaks_at)
     broken = np.empty(count, np.int64)
     total = attached_at.sum()
-    # of the logarithm of the factor, whose mean is 1
+    # standard deviation of the logarithm of the factor, whose mean is 1
     track = math.sqrt(math.log1p(model.slip_to_slip_scatter**2))
     X = 0.0
     found = done = 0
@@ -247,12 +250,12 @@ def slips(
             breaks_at,
         )
         if done // count != (done + loose) // count:
-            # Summed anew now and then, so that no rounding adds up.
+            # Sum again from time to time, so that rounding does not accumulate.
             total = attached_at.sum()
         else:
             total += loose * (X - residual)
         done += loose
-        # the ring-down, contacts attached
+        # after ringing down, with all contacts attached
         X = (kappa * drive + total / count) / (kappa + 1.0)
         force = kappa * (drive - X)
         low = floor * state.high

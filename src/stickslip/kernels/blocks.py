@@ -1,16 +1,16 @@
-"""N contacts on each block of an elastic slider: every break and re-attachment located
-inside the step of `leapfrog`.
+"""N contacts on each block of an elastic slider: every break and re-attachment is
+located inside the time step of `leapfrog`.
 
-What happens to the contacts of a block while it drifts is found in order of time: the
-next break where it passes the nearest breaking position, the next re-attachment at its
-time. An event that changes the force by ``dF`` a fraction ``theta`` into a step of
-length ``h`` is made up for by an impulse ``dF (1/2 - theta) h``, which keeps the scheme
-second order whatever the number of events. A block in whose reach nothing happens costs
-three comparisons, however many contacts it has.
+Events of the contacts of a block during its drift are found in order of time: the next
+break is where it passes the nearest breaking position, the next re-attachment is at its
+time. An event that changes the force by ``dF`` at the fraction ``theta`` of a step of
+length ``h`` is compensated by an impulse ``dF (1/2 - theta) h``, which keeps the scheme
+of second order for any number of events. A block without events in a step costs three
+comparisons, however many contacts it has.
 
-Per block: origins and thresholds of all contacts, and three tournaments (`tournament`)
-over them, for breaks ahead and behind and for re-attachments. What a contact loses when
-it attaches counts as broken.
+Each block has the birth positions and thresholds of all its contacts, and three
+tournaments (`tournament`) over them, for breaks ahead, breaks behind and
+re-attachments. Energy that a contact loses when it attaches counts as broken.
 """
 
 import math
@@ -35,10 +35,10 @@ from .tournament import enter, smallest, tournaments, winner
 
 class BlockDraws(NamedTuple):
     """Random numbers of each block in the order of use, shape (n, any); one delay for
-    all, or NaN for drawn delays.
+    all, or NaN if delays are drawn.
 
-    Thresholds count `factor` times, shape (n,); with `tracks`, `advance_blocks` returns
-    where a block stops after a break.
+    Thresholds are multiplied by `factor`, shape (n,); with `tracks`, `advance_blocks`
+    returns when a block stops after a break.
     """
 
     thresholds: Floats
@@ -49,8 +49,8 @@ class BlockDraws(NamedTuple):
 
 
 class BlockContacts(NamedTuple):
-    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N),
-    and (n,) for what is next.
+    """The contacts of n blocks, N each: shapes (n, N), (n, some 8/7 N) for tournaments,
+    and (n,) for next events.
     """
 
     birth: Floats
@@ -61,13 +61,13 @@ class BlockContacts(NamedTuple):
     ahead: Floats
     behind: Floats
     next_attach: Floats
-    impulse: Floats  # of the events of a step
+    impulse: Floats  # impulse of the events in a step
     breaks: Counts
     attached: Counts
     next_threshold: Counts
     next_delay: Counts
     breaks_at_stop: Counts
-    heading: Floats  # velocity in the step before
+    heading: Floats  # velocity in the previous step
 
 
 class BlocksState(NamedTuple):
@@ -89,8 +89,8 @@ def make_state(
     """Return the state of n blocks of N contacts; `birth`, `threshold` and `waiting`
     have shape (n, N).
 
-    A contact without threshold is detached, and attaches at the time `waiting`; the
-    rest as in `leapfrog.at_rest`.
+    A contact without threshold is detached, and attaches at the time `waiting`; other
+    arguments are as in `leapfrog.at_rest`.
     """
     n, N = birth.shape
     attached = threshold > 0
@@ -120,7 +120,7 @@ def make_state(
 
 @bare
 def _sum_again(state: BlocksState, j: int) -> None:
-    """Sum the birth positions of a block anew, so that rounding does not accumulate."""
+    """Sum the birth positions of a block again, so that rounding cannot accumulate."""
     contacts = state.contacts
     N = state.contacts.birth.shape[1]
     total = 0.0
@@ -135,7 +135,7 @@ def _sum_again(state: BlocksState, j: int) -> None:
 
 @inlined
 def look_ahead(contacts: BlockContacts, j: int) -> None:
-    """Find what is next on a block."""
+    """Find the next events of a block."""
     contacts.ahead[j] = smallest(contacts.tree_ahead[j])
     contacts.behind[j] = smallest(contacts.tree_behind[j])
     contacts.next_attach[j] = smallest(contacts.tree_attach[j])
@@ -143,9 +143,7 @@ def look_ahead(contacts: BlockContacts, j: int) -> None:
 
 @inlined
 def next_threshold(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
-    """Threshold of the next contact that attaches on a block; NaN if there is none
-    left.
-    """
+    """Threshold of the next contact that attaches on a block; NaN if none is left."""
     if contacts.next_threshold[j] == draws.thresholds.shape[1]:
         return math.nan
     contacts.next_threshold[j] += 1
@@ -154,7 +152,7 @@ def next_threshold(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
 
 @inlined
 def next_delay(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
-    """Delay of the next contact that breaks on a block; NaN if there is none left."""
+    """Delay of the next contact that breaks on a block; NaN if none is left."""
     if not math.isnan(draws.fixed_delay):
         return draws.fixed_delay
     if contacts.next_delay[j] == draws.delays.shape[1]:
@@ -180,8 +178,8 @@ def break_contact(
     force: float,
     delay: float,
 ) -> float:
-    """Break a contact, which then slides with `force`; return the gain of the friction
-    force of its block.
+    """Break a contact, which then slides with `force`; return the change of the
+    friction force of its block.
     """
     contacts = state.contacts
     blocks = state.motion.blocks
@@ -220,7 +218,7 @@ def attach_contact(
     threshold: float,
     force: float,
 ) -> float:
-    """Attach a contact that slid with `force`, unstretched; return the gain of the
+    """Attach, unstretched, a contact that slid with `force`; return the change of the
     friction force of its block.
     """
     contacts = state.contacts
@@ -249,8 +247,8 @@ def _drift(
     sliding: float,
     draws: BlockDraws,
 ) -> int:
-    """Drift a block through all events of its contacts in a step; ON_THE_WAY unless
-    draws are used up.
+    """Drift a block through all events of its contacts in a step; return ON_THE_WAY, or
+    the reason if random numbers are used up.
     """
     contacts = state.contacts
     blocks = state.motion.blocks
@@ -322,8 +320,8 @@ def advance_blocks(
     sliding: float,
     budget: int,
 ) -> int:
-    """Go on to the end of a piece, or until `budget` steps of blocks, and events at
-    eight each, are spent.
+    """Advance to the end of a piece, or until `budget` is used up by steps of blocks,
+    one each, and events, eight each.
     """
     blocks = state.motion.blocks
     contacts = state.contacts

@@ -1,12 +1,12 @@
-"""Cohorts: the contacts that attached in one panel, at as many places as Gauss
-quadrature has nodes.
+"""Cohorts: the contacts that attached in one panel, represented at the nodes of Gauss
+quadrature.
 
 A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of them
-``m J_c(r)`` are attached when their largest stretching so far is ``r``. The sum over
-the nodes of a cohort is the integral over its panel, to an order that follows the
-smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated
-in parts, of fixed thresholds. Of those that grow, and at a temperature,
-`effective_stretching` says what is attached.
+``m J_c(r)`` are attached if their largest stretching so far is ``r``. The sum over the
+nodes of a cohort is the integral over its panel, to an order that depends on the
+smoothness of ``J_c``. With fixed thresholds, a panel in which ``J_c`` has a kink is
+integrated in parts. With growing thresholds, or thermal activation,
+`effective_stretching` gives the attached fraction.
 """
 
 import math
@@ -31,31 +31,31 @@ from .records import Counts, Floats, Record, record
 from .survival import SurvivalTable, value_and_slope, value_at
 
 COHORT_NODE = record("place mass reach whole count clock since")
-"""A node of a cohort, in an array of cohorts of shape (room, Q): where its contacts
-attached, mass of newborns, largest stretching; `whole` is 1 for a cohort whose nodes
-are those of Gauss on one panel; `count` is the number attached where they are counted.
-`clock` and `reach`, where thresholds grow, are those of `effective_stretching`; `since`
-is when they attached.
+"""A node of a cohort, in an array of cohorts of shape (room, Q): the place where its
+contacts attached, mass of newborns, largest stretching. `whole` is 1 for a cohort whose
+nodes are those of Gauss on one panel; `count` is the number of attached contacts where
+they are counted. `clock` and `reach`, where thresholds grow, are those of
+`effective_stretching`; `since` is the time of attachment.
 """
 
 ACTIVE = record("place mass reach")
-"""A node that may break in a step: its place from the origin, mass and reach."""
+"""A node that may break in a step: its place relative to the origin, mass and reach."""
 
 ON_WAY = record("clock age reach gain")
-"""Of such a node, where contacts break by age or temperature: its clock and age, and on
-the way through the step its reach and what its clock has gained. Apart from `ACTIVE`,
-which is read most often: memory is read faster without what is not asked for.
+"""Further fields of such a node, where contacts break by age or thermally: its clock
+and age, and during the step its reach and the gain of its clock. They are apart from
+`ACTIVE`, which is read most often, as smaller records are read faster.
 """
 
 
 class Reading(NamedTuple):
-    """Buffers for what the slider may break in a step, filled by `gather`."""
+    """Working memory for the nodes that may break in a step, filled by `gather`."""
 
     active: Record  # shape (n,), of ACTIVE
     on_way: Record  # shape (n,), of ON_WAY
-    sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
-    kinked: Counts  # how many cohorts a knot may pass through, and which
-    way: Floats  # of the slider in the step, see `effective_stretching`
+    sums: Floats  # shape (3,): moments of the mass of all nodes that cannot break
+    kinked: Counts  # number of cohorts that a knot may pass, and their indices
+    way: Floats  # motion of the slider in the step, see `effective_stretching`
 
 
 @bare
@@ -67,8 +67,8 @@ def _is_kinked(
     low: float,
     high: float,
 ) -> bool:
-    """Whether a knot of the thresholds passes through a cohort of nodes while the
-    slider is from `low` to `high`.
+    """Whether a knot of the thresholds passes through the nodes of a cohort while the
+    slider is between `low` and `high`.
     """
     a = cohorts[g, 0].place - origin
     b = cohorts[g, Q - 1].place - origin
@@ -81,11 +81,11 @@ def _is_kinked(
     for j in range(Q):
         node = cohorts[g, j]
         if node.reach > abs(origin - node.place) + 1e-12:
-            return False  # its reach stays what it was
+            return False  # its reach does not change
     edge = 0.2 * (most - least)
     ahead = origin - cohorts[g, 0].place >= 0.0
     if low != high and ahead != (high > -low):
-        return False  # the slider moves back to where they attached
+        return False  # the slider moves back towards where they attached
     for i in range(breaking.knots.size):
         knot = breaking.knots[i]
         if ahead and high - least + edge > knot > low - most - edge:
@@ -104,9 +104,7 @@ def _is_passed(
     low: float,
     high: float,
 ) -> bool:
-    """Whether contacts of a cohort come to be stretched further than ever, one after
-    the other.
-    """
+    """Whether contacts of a cohort exceed their largest stretching one by one."""
     sign = 1.0 if high > -low else -1.0
     first = np.inf
     last = -np.inf
@@ -115,7 +113,7 @@ def _is_passed(
         node = cohorts[g, j]
         x = origin - node.place
         widest = max(widest, node.reach)
-        passed = node.reach - sign * x  # until it passes
+        passed = node.reach - sign * x  # displacement until it exceeds its reach
         first = min(first, passed)
         last = max(last, passed)
     far = max(high, -low)
@@ -143,7 +141,7 @@ class _Curve(NamedTuple):
 
 @inlined
 def _curve(values: Floats, per: Floats) -> _Curve:
-    """Polynomial through values at the nodes of a cohort, each over a number."""
+    """Polynomial through values at the nodes of a cohort, each divided by a number."""
     c0 = c1 = c2 = c3 = 0.0
     for b in range(Q):
         value = values[b] / per[b]
@@ -156,11 +154,11 @@ def _curve(values: Floats, per: Floats) -> _Curve:
 
 @inlined
 def _inside(curve: _Curve, u: float) -> float:
-    """Value at ``0 <= u <= 1`` in the panel that a cohort stands for."""
+    """Value of the polynomial at ``0 <= u <= 1`` in the panel of a cohort."""
     return ((curve.c3 * u + curve.c2) * u + curve.c1) * u + curve.c0
 
 
-_EVER = -1.0  # in place of a knot: the largest stretching so far
+_EVER = -1.0  # stands for the reach, in place of a knot
 
 
 @inlined
@@ -172,7 +170,7 @@ def _beyond(
     sign: float,
     u: float,
 ) -> float:
-    """Stretching of the contacts at a place in a panel, less a knot or their reach."""
+    """Stretching of the contacts at a place in a panel, minus a knot or their reach."""
     x = X - _inside(place, u)
     return abs(x) - _inside(reach, u) if knot == _EVER else x * sign - knot
 
@@ -180,7 +178,7 @@ def _beyond(
 @bare
 def _cut(cohort: Record, X: float, knot: float) -> float:
     """Place in a panel where contacts are stretched by `knot`, or to their reach;
-    outside of (0, 1) if nowhere.
+    outside of (0, 1) if there is none.
     """
     place = _curve(cohort.place, _ONES)
     reach = _curve(cohort.reach, _ONES)
@@ -207,8 +205,8 @@ def _next_cut(
     knots: Floats,
     after: float,
 ) -> float:
-    """The first cut after a place in a panel, by a knot or by the limit of what is
-    stretched further than ever.
+    """The first cut after a place in a panel, by a knot or at the limit of contacts
+    that exceed their reach.
     """
     end = 1.0
     for i in range(-1, knots.size):
@@ -226,7 +224,7 @@ def _in_parts(
     y: float,
 ) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope and energy of a cohort, integrated between the
-    knots that lie in it.
+    knots in it.
     """
     F = A = S = E = 0.0
     begin = 0.0
@@ -337,12 +335,11 @@ def force_at(
     y: float,
     k: int,
 ) -> tuple[float, float, float, float, float, float]:
-    """Force, attached fraction, slope of the force, energy of what was attached before,
-    at node `k` of a step.
+    """Force, attached fraction, slope of the force, and energy of the cohorts from
+    before the step, at its node `k`, with the slider at `y` from the origin.
 
-    That is at `y` from the origin. Nodes come in order. Then by how much the force
-    falls with the clocks, of contacts that the slider is above, and of those that it is
-    below.
+    Nodes must be evaluated in order. The last two numbers are the decrease of the force
+    by the clocks, of contacts behind the slider and of those ahead of it.
     """
     sums = reading.sums
     active = reading.active
@@ -387,7 +384,7 @@ def _force_on_the_way(
     y: float,
     k: int,
 ) -> tuple[float, float, float, float, float, float]:
-    """`force_at` for contacts that may break by age or temperature."""
+    """`force_at` for contacts that may break by age or thermally."""
     active = reading.active
     way = reading.way
     A = breaking.width
@@ -432,13 +429,13 @@ def kink_at(
     breaking: Breaking,
     level: float,
 ) -> float:
-    """Fall of the slope of the force where the slider passes a place at which it has
-    turned.
+    """Decrease of the slope of the force where the slider passes a place at which it
+    has reversed.
     """
     jump = 0.0
     table = breaking.thresholds
     if not is_fixed(breaking):
-        return 0.0  # it bends, or falls for a few of them at a time
+        return 0.0  # the slope bends, or falls for a few contacts at a time
     for g in range(used):
         for j in range(Q):
             node = cohorts[g, j]
@@ -457,8 +454,8 @@ def divide(
     breaking: Breaking,
     room: int,
 ) -> int:
-    """Divide the cohorts through which a knot passes, as there is room: when the
-    slider turns, their reach stays.
+    """Divide the cohorts through which a knot passes, as far as there is room, when the
+    slider reverses, as their reach then stays; return the number of cohorts.
     """
     count = used
     for g in range(used if is_fixed(breaking) else 0):
@@ -475,9 +472,8 @@ def divide_passed(
     breaking: Breaking,
     room: int,
 ) -> int:
-    """Divide cohorts of which some are stretched further than ever, and others not.
-
-    Returns the number of cohorts.
+    """Divide cohorts of which only a part exceeds its largest stretching; return the
+    number of cohorts.
     """
     count = used
     table = breaking.thresholds
@@ -503,7 +499,7 @@ def _divide(
     knots: Floats,
     room: int,
 ) -> int:
-    """Divide a cohort at all cuts, behind the others; their number."""
+    """Divide a cohort at all cuts, and append the parts; return the cohorts' number."""
     first = begin = _next_cut(cohorts[g], X, knots, 0.0)
     while begin < 1.0 and count < room - 1:
         end = _next_cut(cohorts[g], X, knots, begin)
@@ -525,9 +521,7 @@ def _part(
     begin: float,
     end: float,
 ) -> None:
-    """Fill the `part` from `begin` to `end` of the panel of a whole cohort into
-    another.
-    """
+    """Fill the part from `begin` to `end` of a whole cohort's panel into another."""
     place = _curve(whole.place, _ONES)
     reach = _curve(whole.reach, _ONES)
     density = _curve(whole.mass, WEIGHT)
@@ -548,14 +542,14 @@ def merged(
     width: float,
     tolerance: float,
 ) -> Record:
-    """Join cohorts that lie close to each other and reach equally far: their moments
-    stay up to order ``2 Q - 1``.
+    """Join cohorts that are close to each other and have the same reach; moments are
+    kept up to order ``2 Q - 1``.
 
-    A slider that rings for long attaches contacts in many short panels on the same few
-    places. What is joined is not integrated in parts: a knot that passes through it
-    costs some percent of the square of its extent. At a temperature the clock is to the
-    reach what it is to the stretching, and has to be ahead of it; what grows with age
-    stays apart, and what has a parabolic barrier.
+    A slider that rings for long attaches contacts in many short panels at nearly the
+    same places. A joined cohort is not integrated in parts: a knot that passes through
+    it costs an error of some percent of the square of its extent. With thermal
+    activation the clock takes the part of the reach, and must be ahead of it. Cohorts
+    with growing thresholds, or with a parabolic barrier, are not joined.
     """
     cohorts = cohorts[:used]
     b = cohorts.place
@@ -568,8 +562,8 @@ def merged(
         met = np.any((r > table.bottom) & is_pulled, axis=1)
         r = cohorts.clock
         table = breaking.blurred
-    # A reach that was made by the slider at one place is that place less where they
-    # attached, or the reverse.
+    # A reach that the slider gave at one place is that place minus the place of
+    # attachment, or the reverse.
     ahead = r + b
     back = b - r
     free = np.all(r < table.bottom, axis=1)
@@ -615,7 +609,7 @@ def merged(
         k = kind[first[i]]
         at = level[first[i]]
         reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
-        # any will do that their clocks are ahead of
+        # any reach works that their clocks are ahead of
         least = np.full(Q, cohorts.reach[run].min())
         made.place[i] = x
         made.mass[i] = weight
@@ -627,8 +621,8 @@ def merged(
 
 
 def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Floats]:
-    """Nodes and weights with the moments of many masses: of the matrix of ``x`` in
-    polynomials orthogonal on them.
+    """Return nodes and weights with the moments of many masses, from the matrix of
+    ``x`` in polynomials that are orthogonal on them.
     """
     total = weight.sum()
     positive = np.maximum(weight, 0.0)
@@ -646,10 +640,8 @@ def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Float
 
 
 def spread_out(cohorts: Record, spacing: float) -> Floats:
-    """Positions, masses, reaches and clocks of all cohorts, those of whole panels at as
-    many points as they need.
-
-    Shape (4, n).
+    """Return positions, masses, reaches and clocks of all cohorts, shape (4, n); those
+    of whole panels are spread over as many points as their spacing requires.
     """
     whole = cohorts.whole[:, 0] > 0.0
     rows = np.stack([cohorts.place, cohorts.mass, cohorts.reach, cohorts.clock])

@@ -1,5 +1,5 @@
-"""The drive, one piece at a time: how its far end of the spring moves, and where a
-piece ends early.
+"""The drive, one piece at a time: the motion of the far end of the spring, and the
+condition that ends a piece early.
 """
 
 import math
@@ -12,7 +12,7 @@ from .records import Floats
 
 
 class Quadratic(NamedTuple):
-    """Motion of the drive: ``position + velocity u + acceleration u^2/2`` a time `u`
+    """Motion of the drive: ``position + velocity u + acceleration u^2/2`` at a time `u`
     after `start`.
     """
 
@@ -24,23 +24,24 @@ class Quadratic(NamedTuple):
 
 STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
 
-# Why a kernel came back: the end of a piece is reached, its condition holds, its budget
-# is spent; or, to go on, a look has to be taken, the slider has stopped, there is no
-# more room for cohorts, random numbers are used up. `UNSOLVED`:
+# Reasons for a kernel to return: the end of the piece is reached, its condition holds,
+# or the budget is used up; or, before it can go on, a snapshot is due, the slider has
+# stopped, there is no room for more cohorts, or random numbers are used up. `UNSOLVED`:
 # the next step has no solution. `STANDS_STILL`: an event took no time and changed
 # nothing, and would do so again.
 ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM = range(7)
 DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED, STANDS_STILL = range(7, 12)
 
-# Kinds of conditions.
+# kinds of conditions
 NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)
 
 
 class Stop(NamedTuple):
-    """Where a piece ends early: at the first sample at which a condition holds.
+    """Condition that ends a piece early, at the first sample at which it holds.
 
-    `NOWHERE`; `TRAVEL`, the slider at least `value` away from `origin`; `FORCE_ABOVE`
-    and `FORCE_BELOW`, the driving force at least and at most `value`.
+    `NOWHERE` never holds; `TRAVEL` holds if the slider is at least `value` away from
+    `origin`; `FORCE_ABOVE` and `FORCE_BELOW` if the driving force is at least and at
+    most `value`.
     """
 
     kind: int = NOWHERE
@@ -49,12 +50,11 @@ class Stop(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of
-    at most `longest`.
+    """A piece of the drive up to `end`, or to a condition that holds at a sample, in
+    steps of at most `longest`.
 
-    `look` is a time at which the caller wants to look at the contacts: before the
-    flight or step that would pass it the kernel comes back, so that looking changes
-    nothing.
+    `look` is the time of a snapshot of the contacts: the kernel returns before the
+    flight or step that would pass it, so that a snapshot does not change the motion.
     """
 
     drive: Quadratic
@@ -65,9 +65,7 @@ class Piece(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (n,), and the samples, shape (n,
-    columns).
-    """
+    """Increasing times of samples, shape (n,), and the samples, shape (n, columns)."""
 
     times: Floats
     samples: Floats
@@ -87,8 +85,8 @@ NO_LOAD = np.empty((0, 2))
 
 @inlined
 def load_at(load: Floats, time: float) -> float:
-    """Load by its points, rows of time and value: linear between them, constant
-    beyond; 1 without any.
+    """Load at a time from its points, rows of time and value: linear between them,
+    constant beyond; 1 if there are none.
     """
     n = load.shape[0]
     if n == 0:
@@ -102,10 +100,10 @@ def load_at(load: Floats, time: float) -> float:
 
 @inlined
 def turns_at(drive: Quadratic, now: float) -> float:
-    """When the drive next turns round, after `now`; infinite where it does not.
+    """Time at which the drive next reverses, after `now`; infinite if it does not.
 
-    The moment is computed from the piece alone: a time to go, as the velocity over the
-    acceleration, stays above 0 by rounding where the moment itself is reached.
+    It is computed from the piece alone: a remaining time, the velocity over the
+    acceleration, would stay above 0 by rounding at the reversal itself.
     """
     if drive.acceleration == 0.0:
         return math.inf

@@ -1,22 +1,23 @@
-"""Survival of contacts that attached together, by two numbers that never fall: a reach
-and a clock.
+"""Survival of contacts that attached together, by two numbers that never decrease: a
+reach and a clock.
 
-A contact of strength ``s`` has broken once the largest ``(|x| - addend)/factor`` of its
-life, its `reach`, is beyond ``s``: of thresholds that do not grow the largest
-stretching. By `Bell` it breaks before, at the rate ``a exp((|x| - s)/A)``: it survives
-with ``exp(-exp((u - s)/A))``, where its `clock` ``u = A ln(a G)`` holds the integral
-``G`` of ``exp(|x|/A)`` over its life, whatever the strength. So the fraction of
-newborns that survives is a function of the two, which is one of ``u`` alone unless
-contacts are pulled faster than they break by heat.
+A contact of strength ``s`` has broken once its `reach`, the largest
+``(|x| - addend)/factor`` of its life, exceeds ``s``; for thresholds that do not grow it
+is the largest stretching. With `Bell` it breaks earlier, at the rate
+``a exp((|x| - s)/A)``: its survival is ``exp(-exp((u - s)/A))``, where its `clock`
+``u = A ln(a G)`` holds the integral ``G`` of ``exp(|x|/A)`` over its life, which does
+not depend on the strength. So the surviving fraction of newborns is a function of both;
+it depends on ``u`` alone unless contacts are pulled too fast for thermal breaks.
 
-Where thresholds grow logarithmically, too, ``G`` is the integral of
-``exp((|x| - g)/A)``, with ``g`` what they have grown by. By `Parabolic` the energies
-``x^2/2`` and ``s^2/2`` stand for ``x`` and ``s``, and the temperature for ``A``.
+If thresholds also grow logarithmically, ``G`` is the integral of ``exp((|x| - g)/A)``,
+with ``g`` their growth. With `Parabolic` the energies ``x^2/2`` and ``s^2/2`` replace
+``x`` and ``s``, and the temperature replaces ``A``.
 
-In a step the slider goes along a polynomial. On the side ahead of all that attached
-behind it ``G`` grows by an integral that they share, but for a factor; and on the other
-side by another. If they grow, what they share is a function of age, smooth in how much
-they grow in the step; by `Parabolic` it is one of where they attached.
+In a step the position of the slider is a polynomial. For all contacts behind the slider
+``G`` grows by an integral that they share except for a factor, and for those ahead of
+it by another integral. If thresholds grow, the shared integral is a function of age,
+smooth in the growth during the step; with `Parabolic` it is a function of the place of
+attachment.
 """
 
 import math
@@ -30,10 +31,11 @@ from .quadrature import MONOMIAL, NODE, P, along, bisect, dot, fit, gauss
 from .records import Floats, Record
 from .survival import SurvivalTable, value_and_slope, value_at
 
-NEVER = -1e9  # the clock of a contact that was never tried
-CERTAIN = 3.7  # ``exp(-exp(CERTAIN))`` is less than rounding
-_SURE = 37.0  # and so is ``exp(-_SURE)``
-# panels of an interval of a clock: tens are usual, as they grow with what is small
+NEVER = -1e9  # the clock of a contact that has made no attempt to break
+CERTAIN = 3.7  # ``exp(-exp(CERTAIN))`` is below rounding
+_SURE = 37.0  # ``exp(-_SURE)`` is below rounding
+# most panels of an interval of a clock; tens are usual, as panels grow where they
+# matter little
 _MOST_PANELS = 100_000
 _NO_END = (
     "effective_stretching: no end of steps: a fault of this package, please report it"
@@ -44,12 +46,12 @@ _EIGHT, _OF_EIGHT = gauss(8)
 
 
 class Breaking(NamedTuple):
-    """How contacts break: at thresholds, which may grow, and by heat before them."""
+    """Constants of breaking: at thresholds, which may grow, and thermally before."""
 
     thresholds: SurvivalTable  # survival of strengths, by the reach
-    knots: Floats  # where its slope jumps, if cohorts are cut there
-    blurred: SurvivalTable  # the same at a temperature, by the clock
-    # activation width, or the temperature where `squared`; 0: there is no temperature
+    knots: Floats  # places where its slope jumps, if cohorts are cut there
+    blurred: SurvivalTable  # survival with thermal activation, by the clock
+    # activation width, or the temperature if `squared`; 0 without thermal activation
     width: float
     attempts: float
     growth: Growth
@@ -64,28 +66,31 @@ PULLED = 4
 BACK = P + 1
 SHARED = 4 + 2 * BACK
 FITS = 4 + 4 * BACK
-"""Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at
-start and nodes, and coefficients of the polynomial through them; what is known of the
-step, and room. Then for each node how what clocks gain up to it follows the slider's
-places at all nodes, where it is above the contact; and `BACK` rows on, where it is
-below. Then what they gain from the node before: one number, or a sum of Chebyshev
-polynomials; and these polynomials at their nodes.
+"""Rows of the array for the motion of the slider in a step, each of P + 1 numbers or
+more: `X`, its places at start and nodes; `CURVE`, coefficients of the polynomial
+through them; `STEP`, properties of the step; `MOMENTS`, working memory. Rows from
+`PULLED` are, for each node, the weights of the slider's places at all nodes in the gain
+of clocks up to it, for contacts behind the slider; `BACK` rows further on, for those
+ahead. Rows from `SHARED` are the gains from the previous node: one number, or the
+coefficients of Chebyshev polynomials; rows from `FITS` are these polynomials at their
+nodes.
 """
 LENGTH, LOW, HIGH, LOWEST, HIGHEST, YOUNGEST = range(6)
-"""Of a step: its length in time; how far the slider may go back and ahead; between
-which places contacts attached, and the age of the youngest.
+"""Properties of a step: its length in time; the lowest and highest positions that the
+slider may reach; the range of places of attachment, and the age of the youngest
+contact.
 """
 
-# numbers of ages at which gains are tabulated: at least; for each activation width by
-# which thresholds grow while their age grows by a factor of e; at most
+# number of ages at which gains are tabulated: least number; number per activation width
+# of growth while the age grows by a factor e; largest number
 _FEWEST_AGES = 12
 _AGES = 2.0
 _MOST_AGES = 60
-_PLACES = 24  # number of places at which they are tabulated where energies are squares
+_PLACES = 24  # number of places at which they are tabulated with `squared`
 
 
 def a_way(breaking: Breaking) -> Floats:
-    """Return room for a way."""
+    """Return working memory for the motion of the slider in a step."""
     many = _PLACES
     if breaking.width == 0.0 or not (breaking.squared or breaking.growth.first > 0.0):
         return np.zeros((FITS, P + 1))
@@ -101,15 +106,13 @@ def a_way(breaking: Breaking) -> Floats:
 
 @inlined
 def is_fixed(breaking: Breaking) -> bool:
-    """Whether contacts break at thresholds that do not grow, and only there."""
+    """Whether contacts break only at thresholds, and these do not grow."""
     return bool(breaking.width == 0.0 and breaking.growth.first == 0.0)
 
 
 @inlined
 def _is_tabulated(breaking: Breaking) -> bool:
-    """Whether what clocks gain in a step is a function of age, or of where contacts
-    attached.
-    """
+    """Whether gains of clocks in a step depend on age or on the place of attachment."""
     return bool(
         breaking.width > 0.0 and (breaking.growth.first > 0.0 or breaking.squared)
     )
@@ -123,7 +126,7 @@ def energy(breaking: Breaking, x: float) -> float:
 
 @inlined
 def reach_at(growth: Growth, x: float, age: float) -> float:
-    """Strength of a contact of this age whose threshold is met at a stretching
+    """Strength of a contact of this age that reaches its threshold at a stretching
     ``x >= 0``.
     """
     if growth.first == 0.0:
@@ -134,7 +137,7 @@ def reach_at(growth: Growth, x: float, age: float) -> float:
 
 @inlined
 def begin_step(way: Floats, low: float, high: float) -> None:
-    """Record how far the slider may go in a step, for contacts that `note` adds."""
+    """Record the range of the slider in a step, before contacts are added by `note`."""
     step = way[STEP]
     step[LOW] = low
     step[HIGH] = high
@@ -150,8 +153,8 @@ def note(
     b: float,
     age: float,
 ) -> tuple[float, float]:
-    """Record contacts at a position, of an age at the start of a step: the largest gain
-    of their clock in it, and their reach.
+    """Record contacts at a place `b`, with an age at the start of a step; return the
+    largest gain of their clock in it, and their largest reach.
     """
     step = way[STEP]
     step[LOWEST], step[HIGHEST], step[YOUNGEST] = (
@@ -168,13 +171,13 @@ def note(
 
 @inlined
 def later(width: float, u: float, w: float) -> float:
-    """Clock after both of two gains."""
+    """Clock after two gains."""
     return max(u, w) + width * math.log1p(math.exp(-abs(u - w) / width))
 
 
 @bare
 def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, float]:
-    """Fraction that survives a clock and a reach; its slopes in the two."""
+    """Fraction that survives a clock and a reach, and its derivatives by both."""
     if breaking.width == 0.0:
         held, by_reach = value_and_slope(breaking.thresholds, max(r, 0.0))
         return held, 0.0, by_reach
@@ -200,15 +203,15 @@ def _beyond(
     r: float,
     held: float,
 ) -> float:
-    """Fraction that survives where strengths below `r` matter.
+    """Fraction that survives where strengths below `r` matter, by panels.
 
-    That is ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels.
+    It is ``Int J_c(max(r, u - A ln E)) exp(-E) dE``.
     """
     total = held * math.exp(-math.exp(d))
     begin = 0.0
     size = 0.5
     end = max(d, 0.0) + _SURE
-    # ends: each panel is half an e-fold wide at least
+    # ends: each panel is at least half an e-fold wide
     while begin < end:
         for k in range(_THREE.size):
             t = begin + size * _THREE[k]
@@ -234,29 +237,29 @@ def _fill(
 
 
 def survivals(breaking: Breaking, u: Floats, r: Floats) -> Floats:
-    """Fractions that survive, of any shape."""
+    """Surviving fractions for arrays of any shape."""
     values = np.empty(u.size)
     _fill(breaking, u.ravel(), r.ravel(), values)
     return values.reshape(u.shape)
 
 
 class _Piece(NamedTuple):
-    """A part of a step, from 0 to 1 in time, or in the logarithm of the age of
-    contacts that grow.
+    """A part of a step, from 0 to 1 in time, or in the logarithm of the age if
+    thresholds grow.
     """
 
-    begin: float
-    span: float  # of the part, or of the logarithm
-    ratio: float  # length of the step over the age at its begin; 0 if nothing grows
-    tilt: float  # what the exponent gains by it
-    b: float  # where contacts attached
-    factor: float  # of the exponent
+    begin: float  # begin of the part, as a fraction of the step
+    span: float  # length of the part, or of the logarithm
+    ratio: float  # length of the step over the age at the begin; 0 without growth
+    tilt: float  # change of the exponent by growth over the part
+    b: float  # place of attachment
+    factor: float  # factor of the exponent
     squared: bool
 
 
 @inlined
 def _place(piece: _Piece, s: float) -> float:
-    """Part of the step."""
+    """Fraction of the step at a point of the piece."""
     return float(
         piece.begin
         + (
@@ -283,8 +286,8 @@ def _piece_of(
     sign: float,
     age: float,
 ) -> tuple[_Piece, float]:
-    """Part of the step in the variable in which growth is a tilt, and what contacts
-    have grown by up to its begin, as `_gain` takes them.
+    """Return the part of a step in the variable in which growth is a linear tilt, and
+    the growth of the thresholds up to its begin, for `_gain`.
     """
     A = breaking.width
     ratio = 0.0
@@ -314,13 +317,13 @@ def _gain(
     sign: float,
     age: float,
 ) -> float:
-    """Gain of a clock between two parts of a step on one side of a place `b`, of
-    contacts of an `age` at its start.
+    """Gain of a clock in a part of a step in which the slider is on one side of a place
+    `b`, for contacts of an `age` at the start of the step.
 
-    That is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the
-    exponent is largest, the longer the less they matter, while they matter at all: a
-    panel's error is below ``1e-10`` of the integral. Leaves the first `moments` of the
-    part of the step under it.
+    It is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the
+    exponent is largest; panels are longer where they matter less, and end where they no
+    longer matter. The error of a panel is below ``1e-10`` of the integral. `moments`
+    are filled with the first moments of the fraction of the step under the integrand.
     """
     A = breaking.width
     many = moments.size
@@ -343,7 +346,7 @@ def _gain(
         if abs(there - here) > 4.0 + 0.5 * (top - max(here, there)) and size > 1e-9:
             size *= 0.5
             continue
-        if there > top:  # it turns on the way
+        if there > top:  # the exponent has a maximum within the part
             for i in range(many):
                 moments[i] *= math.exp(max(top - there, -700.0))
             top = there
@@ -366,7 +369,7 @@ def _gain(
         size *= 2.0
     else:
         raise RuntimeError(_NO_END)
-    total = max(moments[0], 1e-300)  # of a way that no step will take
+    total = max(moments[0], 1e-300)  # guards a motion that no step will accept
     for i in range(many):
         moments[i] /= total
     span = piece.span / piece.ratio if piece.ratio > 0.0 else piece.span
@@ -383,8 +386,8 @@ def run_clocks(
     breaking: Breaking,
     dt: float,
 ) -> None:
-    """Record the positions of the slider at the nodes of a step, and what clocks gain
-    up to them.
+    """Record the positions of the slider at the nodes of a step, and the gains of
+    clocks up to them.
     """
     for k in range(P + 1):
         way[X, k] = nodes[k].x
@@ -392,13 +395,13 @@ def run_clocks(
     if breaking.width == 0.0:
         return
     fit(way[X, : P + 1], way[CURVE])
-    # of those that do not grow any more
+    # for contacts that do not grow any more
     moments = way[MOMENTS, : P + 1]
     old = math.inf
     for side in range(2):
         sign = 1.0 - 2.0 * side
         total = NEVER
-        at = -sign if breaking.squared else 0.0  # as where contacts are about to break
+        at = -sign if breaking.squared else 0.0  # as for contacts about to break
         for k in range(1, P + 1):
             gain = _gain(
                 way,
@@ -427,10 +430,10 @@ def run_clocks(
 
 @inlined
 def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
-    """Limits of the variable of the tabulated gains, for contacts that the slider is
-    above (side 0) or below (1).
+    """Limits of the variable of the tabulated gains, for contacts behind the slider
+    (side 0) or ahead of it (side 1).
 
-    They are the places where contacts attached, or ``ln(1 + dt/(t_0 + age))``.
+    The variable is the place of attachment, or ``ln(1 + dt/(t_0 + age))``.
     """
     step = way[STEP]
     if breaking.squared:
@@ -440,7 +443,9 @@ def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
 
 @bare
 def _tabulate(way: Floats, breaking: Breaking) -> None:
-    """Tabulate what clocks gain from node to node, less what contacts have grown by."""
+    """Tabulate the gains of clocks from node to node, without the growth of the
+    thresholds.
+    """
     step = way[STEP]
     growth = breaking.growth
     many = way.shape[1]
@@ -487,8 +492,8 @@ def _shared(
     b: float,
     age: float,
 ) -> float:
-    """Gain of the clock from a node to the next, of contacts at a place that have an
-    age at the start of a step.
+    """Gain of the clock from one node to the next, for contacts at a place `b` with an
+    age at the start of the step.
     """
     growth = breaking.growth
     row = way[SHARED + side * BACK + k]
@@ -519,8 +524,8 @@ def _gain_of_interval(
     k: int,
     age: float,
 ) -> float:
-    """Gain of the clock of contacts at a place up to a node, from the node before it or
-    from a later `begin`.
+    """Gain of the clock of contacts at a place `b` up to a node, from the previous node
+    or from a later `begin`.
     """
     a = NODE[k - 1]
     x0 = way[X, k - 1] - b
@@ -558,10 +563,10 @@ def followed(
     begin: float,
     k: int,
 ) -> tuple[float, float]:
-    """Clock and reach at a node of a step of contacts at a place that had these at the
-    node before, or at a `begin`.
+    """Return the clock and the reach at a node of a step, for contacts at a place `b`
+    that had `u` and `r` at the previous node, or at `begin`.
 
-    They have this age at the start of the step, or had it then if they attached in it.
+    `age` is that at the start of the step, negative if they attached in it.
     """
     r = max(
         r,
@@ -587,8 +592,8 @@ def carried(
     begin: float,
     k: int,
 ) -> tuple[float, float]:
-    """Clock and reach at a node of a step of contacts at a place that had these, and
-    this age, in a part of it.
+    """Return the clock and the reach at a node of a step, for contacts at a place `b`
+    that had `u`, `r` and `age` at the fraction `begin` of it.
     """
     age -= begin * way[STEP, LENGTH]
     for i in range(1, k + 1):
@@ -652,7 +657,7 @@ def sliding_lives(
     velocity: float,
 ) -> tuple[Floats, Floats, Floats]:
     """Clocks, reaches and ages of contacts that steady sliding has stretched from
-    `begin` to each of rising `x`.
+    `begin` to each of the increasing `x`.
     """
     u = np.empty(x.size)
     r = np.empty(x.size)

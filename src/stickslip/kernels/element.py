@@ -1,24 +1,24 @@
-"""The interface as an element: the motion of the slider goes in, force, impulse and
-stiffness come out.
+"""The interface as an element: it takes the motion of the slider, and returns force,
+impulse and stiffness.
 
-For a kernel that has a structure of its own, in its own loop:
+For a kernel that integrates its own structure, the loop calls
 
 ``step(state: ElementState, dt: float, velocity: float, displacement: float)
 -> tuple[float, float, float]``
 
-moves the slider from where it is to the `displacement`, in the time `dt` above 0: along
-a line with a `velocity` of NaN, else on the parabola that begins with that velocity. It
-returns the force at the end, its integral over the step and its slope in the
-displacement, all in natural units and per contact, and changes the state in place.
-``save`` is a copy of ``state.memory``. ``state.motion[0].position`` is where the slider
-is, ``next_break`` how far it can go.
+It moves the slider from its position to the `displacement` in the time `dt` above 0: at
+constant speed if the `velocity` is NaN, else on the parabola that begins with that
+velocity. It returns the force at the end, its integral over the step and its derivative
+by the displacement, all in natural units and per contact, and changes the state in
+place. A copy of ``state.memory`` saves the state. ``state.motion[0].position`` is the
+position of the slider, ``next_break`` the distance to the next break.
 
-Under a given motion contacts are independent, and each is carried through a step by
-itself, exactly. What one draws is keyed by the seed, its number and that of its life:
-the way of the slider alone decides, not how it is cut into steps. Blocks of contacts
-know how far the slider can go until one of them breaks, and when the next re-attaches:
-those where nothing happens are passed at once. A step is cut where the slider turns
-round.
+Under a given motion contacts are independent, and each is carried through a step
+exactly. Its random numbers are keyed by the seed, its number and the number of its
+life, so that they depend only on the motion of the slider, not on its division into
+steps. Each block of contacts knows how far the slider can move until one of them
+breaks, and when the next re-attaches; a block without events is carried as a whole. A
+step is cut where the slider reverses.
 
 Detached contacts that carry a force share one stretching: elastic up to the sliding
 force, and plastic beyond.
@@ -35,30 +35,32 @@ from .records import Floats, Record, record
 from .survival import SurvivalTable, value_at
 
 CONTACT = record("birth threshold until life")
-"""A contact: where it was attached unstretched, its threshold, when it re-attaches
-(below 0 while it is attached), and how many lives it has had.
+"""A contact: the position at which it attached unstretched, its threshold, the time of
+its re-attachment (below 0 while it is attached), and the number of its lives so far.
 """
 BLOCK = record("stiffness origins squares free ahead behind until")
-"""Sums of a block: stiffness, stiffness times place and times its square, of the
-attached; the detached; where the first breaks, either way; the next re-attachment.
+"""Sums over a block: stiffness, stiffness times place and times its square, of attached
+contacts; number of detached ones; positions of the next break, ahead and behind; time
+of the next re-attachment.
 """
 MOTION = record(
     "time carry position direction slid impulse lost low_key high_key",
     "breaks breaks_at_arrest track factor",
 )
-"""Where the slider is: `time` and `carry` are the time in two parts; `slid` is the
-common stretching of the detached; `lost` the energy of breaks, of all contacts.
+"""Motion of the slider: `time` and `carry` are the time in two parts; `slid` is the
+common stretching of the detached contacts; `lost` is the energy lost in breaks, summed
+over all contacts.
 """
-SIZE = 32  # contacts of a block
+SIZE = 32  # number of contacts of a block
 
 THRESHOLD, NEWBORN, DELAY, TRACK = range(4)  # kinds of draws
 
 
 class Draws(NamedTuple):
-    """What contacts draw, and what they are.
+    """Distributions that contacts draw from, and mechanisms of the interface.
 
-    A `delay` of NaN is drawn from the quantiles. `beyond` is the survival of thresholds
-    (of areas, where contacts differ in these), which newborns with a stretching need.
+    If `delay` is NaN, delays are drawn from the quantiles. `beyond` is the survival of
+    thresholds (of areas, if contacts differ in these), which stretched newborns need.
     """
 
     quantiles: Quantiles
@@ -73,7 +75,7 @@ class Draws(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Sums of some contacts, as in a record of a block."""
+    """Sums over some contacts, as in the record of a block."""
 
     stiffness: float
     origins: float
@@ -88,8 +90,8 @@ _NONE = _Sums(0.0, 0.0, 0.0, 0.0, math.inf, -math.inf, math.inf)
 
 
 class ElementState(NamedTuple):
-    """State of an element: all that changes is in `memory`, of which the records are
-    parts; `sums` are those of all blocks.
+    """State of an element: all numbers are in `memory`, of which the records are views;
+    `sums` are those over all blocks.
     """
 
     memory: Floats
@@ -101,11 +103,11 @@ class ElementState(NamedTuple):
 
 
 class _Path(NamedTuple):
-    """A part of a step in which the slider does not turn round, from `x` with velocity
-    `v` in a time `h` to the `end`.
+    """A part of a step in which the slider does not reverse, from `x` with velocity `v`
+    to `end` in a time `h`.
 
     `side` is the sign of the motion, 0 at rest; detached contacts have the common
-    stretching `y`, and slide from the time `yields` on, infinite if not at all.
+    stretching `y`, and slide from the time `yields` on, infinite if they do not.
     """
 
     x: float
@@ -162,19 +164,19 @@ def _stiffness(draws: Draws, threshold: float) -> float:
 
 @inlined
 def _way(path: _Path, t: float) -> float:
-    """How far the slider is from the beginning of the path."""
+    """Displacement of the slider since the beginning of the path."""
     return t * (path.v + 0.5 * path.a * t)
 
 
 @inlined
 def _area(path: _Path, t: float) -> float:
-    """Integral of the way over time."""
+    """Integral of the displacement over time."""
     return t * t * (0.5 * path.v + path.a * t / 6.0)
 
 
 @inlined
 def _when(path: _Path, way: float) -> float:
-    """Time at which the slider has gone a way in its direction."""
+    """Time at which the slider has moved by `way` in its direction."""
     if way <= 0.0:
         return 0.0
     v = max(path.side * path.v, 0.0)
@@ -212,7 +214,7 @@ def _draw(
     slot: int,
     life: int,
 ) -> float:
-    """Uniform number of a contact in one of its lives."""
+    """Return the uniform random number of a contact in one of its lives."""
     key = int(m.low_key), int(m.high_key)
     return uniform(key, (slot, (4 * life + kind) & 0xFFFFFFFF))
 
@@ -224,7 +226,7 @@ def _attach(
     place: float,
     heading: float,
 ) -> float:
-    """Attach a contact at a place of the slider; return its stretching."""
+    """Attach a contact at a position of the slider; return its stretching."""
     m = state.motion[0]
     draws = state.draws
     contact = state.contacts[slot]
@@ -250,7 +252,7 @@ def _attach(
 
 @inlined
 def _delay(state: ElementState, slot: int) -> float:
-    """Draw how long a contact that breaks stays detached."""
+    """Draw the time that a broken contact stays detached."""
     draws = state.draws
     if not math.isnan(draws.delay):
         return draws.delay
@@ -260,13 +262,13 @@ def _delay(state: ElementState, slot: int) -> float:
 
 @inlined
 def _wait(m: Record, until: float) -> float:
-    """Time from now on until a moment."""
+    """Time from now until a moment."""
     return float(max((until - m.time) - m.carry, 0.0))
 
 
 @bare
 def _live(state: ElementState, slot: int, path: _Path) -> None:
-    """Carry a contact through all that happens to it on a path."""
+    """Carry a contact through all its events on a path."""
     m = state.motion[0]
     contact = state.contacts[slot]
     here = 0.0
@@ -312,7 +314,7 @@ def _live(state: ElementState, slot: int, path: _Path) -> None:
 
 @inlined
 def _counted(sums: _Sums, draws: Draws, contact: Record) -> _Sums:
-    """Return sums with a contact more."""
+    """Return sums that include one more contact."""
     if contact.until >= 0.0:
         until = min(sums.until, contact.until)
         return _Sums(
@@ -339,7 +341,7 @@ def _counted(sums: _Sums, draws: Draws, contact: Record) -> _Sums:
 
 @inlined
 def _joined(sums: _Sums, more: Record) -> _Sums:
-    """Return the sums of both."""
+    """Return the sums over both sets of contacts."""
     return _Sums(
         sums.stiffness + more.stiffness,
         sums.origins + more.origins,
@@ -353,7 +355,7 @@ def _joined(sums: _Sums, more: Record) -> _Sums:
 
 @inlined
 def _note(record: Record, sums: _Sums) -> None:
-    """Write sums down."""
+    """Store sums in a record."""
     record.stiffness = sums.stiffness
     record.origins = sums.origins
     record.squares = sums.squares
@@ -365,7 +367,7 @@ def _note(record: Record, sums: _Sums) -> None:
 
 @bare
 def renew(state: ElementState) -> None:
-    """Sum over all contacts anew."""
+    """Compute all sums again."""
     total = _NONE
     for b in range(state.blocks.size):
         sums = _NONE
@@ -378,7 +380,7 @@ def renew(state: ElementState) -> None:
 
 @inlined
 def _happens(m: Record, sums: Record, path: _Path) -> bool:
-    """Whether one of the contacts of these sums breaks or re-attaches on a path."""
+    """Whether one of the contacts in these sums breaks or re-attaches on a path."""
     if path.side > 0.0 and path.end >= sums.ahead:
         return True
     if path.side < 0.0 and path.end <= sums.behind:
@@ -388,7 +390,7 @@ def _happens(m: Record, sums: Record, path: _Path) -> bool:
 
 @inlined
 def _pass(m: Record, sums: Record | _Sums, path: _Path) -> None:
-    """Carry contacts to which nothing happens."""
+    """Carry contacts without events along a path."""
     m.impulse += sums.stiffness * (path.x * path.h + _area(path, path.h))
     m.impulse -= sums.origins * path.h
     m.impulse += sums.free * _free_impulse(path, path.h)
@@ -397,10 +399,11 @@ def _pass(m: Record, sums: Record | _Sums, path: _Path) -> None:
 
 @inlined
 def _events(state: ElementState, path: _Path) -> None:
-    """Carry all contacts: those to which something happens one by one, the others
+    """Carry all contacts along a path: those with events one by one, the others
     together.
 
-    Sums are local until they are complete: in a record each would wait for the last.
+    Sums are local variables until they are complete, as each addition to a record would
+    wait for the previous one.
     """
     m = state.motion[0]
     draws = state.draws
@@ -441,7 +444,7 @@ def _events(state: ElementState, path: _Path) -> None:
 
 @inlined
 def _arrests(state: ElementState) -> None:
-    """The slider stops: after a break, contacts may attach, and to another track."""
+    """Handle a stop of the slider: after a break, draw a new track and re-attach."""
     m = state.motion[0]
     draws = state.draws
     if m.breaks == m.breaks_at_arrest:
@@ -469,8 +472,8 @@ def _go(
     h: float,
     end: float,
 ) -> float:
-    """Move the slider along a part of a step in which it does not turn round; return
-    the time at which detached contacts slide, infinite if they do not.
+    """Move the slider along a part of a step in which it does not reverse; return the
+    time at which detached contacts begin to slide, infinite if they do not.
     """
     m = state.motion[0]
     draws = state.draws
@@ -489,7 +492,7 @@ def _go(
         m.slid,
         math.inf,
     )
-    # without a sliding force they yield at once, and stay unstretched
+    # without a sliding force they yield immediately, and stay unstretched
     left = draws.sliding_force - side * m.slid
     if side != 0.0 and side * (end - m.position) >= left:
         yields = _when(path, left)
@@ -501,7 +504,7 @@ def _go(
     m.slid += end - m.position
     m.slid = min(max(m.slid, -draws.sliding_force), draws.sliding_force)
     m.position = end
-    # compensated: as exact however many steps there are
+    # compensated sum: the error does not grow with the number of steps
     more = h + m.carry
     time = m.time + more
     m.carry = more - (time - m.time)
@@ -511,7 +514,7 @@ def _go(
 
 @inlined
 def force_of(state: ElementState) -> float:
-    """Friction force now, per contact."""
+    """Return the current friction force, per contact."""
     m = state.motion[0]
     sums = state.sums[0]
     force = sums.stiffness * m.position - sums.origins + sums.free * m.slid
@@ -520,7 +523,7 @@ def force_of(state: ElementState) -> float:
 
 @inlined
 def energy_of(state: ElementState) -> float:
-    """Energy that contacts hold now, per contact."""
+    """Return the energy stored in contacts, per contact."""
     m = state.motion[0]
     sums = state.sums[0]
     stretched = sums.stiffness * m.position - 2.0 * sums.origins
@@ -530,7 +533,7 @@ def energy_of(state: ElementState) -> float:
 
 @inlined
 def next_break(state: ElementState) -> tuple[float, float]:
-    """How far the slider can go ahead, and back, until a contact breaks."""
+    """Distances that the slider can move ahead, and back, until a contact breaks."""
     position = state.motion[0].position
     sums = state.sums[0]
     return max(sums.ahead - position, 0.0), max(position - sums.behind, 0.0)
@@ -538,7 +541,7 @@ def next_break(state: ElementState) -> tuple[float, float]:
 
 @inlined
 def next_attachment(state: ElementState) -> float:
-    """Time until the next contact re-attaches, infinite if none will."""
+    """Time until the next contact re-attaches; infinite if none does."""
     return _wait(state.motion[0], state.sums[0].until)
 
 
@@ -549,8 +552,8 @@ def step(
     velocity: float,
     displacement: float,
 ) -> tuple[float, float, float]:
-    """Move the slider; return force, impulse and stiffness: see the top of this
-    file.
+    """Move the slider; return force, impulse and stiffness, see the docstring of this
+    module.
     """
     m = state.motion[0]
     m.impulse = 0.0

@@ -1,9 +1,9 @@
-"""The slider between two events of contacts, and the sums over contacts that its force
-needs.
+"""Motion of the slider between two events of contacts, and the sums over contacts that
+give its force.
 
 Between two events the slider is a damped oscillator of known stiffness, `flight`, and
-samples are read off its closed form. There are two limits: rigid motion, and a slider
-without mass, which is in balance at every moment and leaps when a contact breaks.
+samples are taken from its closed form. There are two limits: rigid motion, and a slider
+without mass, which is in balance at every moment and jumps when a contact breaks.
 
 Detached contacts share one stretching ``y``, which follows the slider with stiffness 1
 and slides at ``+-f_d``.
@@ -27,18 +27,19 @@ MOTION = record(
     "keeps_behind attachments "
     "thresholds_used delays_used variates_used",
 )
-"""Where the slider is, what is summed over the contacts, and how far samples and random
-numbers are used.
+"""State of the slider, sums over the contacts, and numbers of samples and random
+numbers used.
 
-`origins` is the sum over the attached contacts of stiffness times position of birth,
-about `reference`, `squares` that of the squares, `stiffness` that of all. While
-elastic, the detached contacts have no force with the slider at `anchor`. Then its
-position at the time of a look, and a bound on all keys in the queue of those behind.
-`breaks_at_arrest` are those up to the last arrest; `slides` is the sign of the motion
-in which the detached contacts slide, 0 while they are elastic, `slid` the side to which
-they slid just now, until the slider turns round (0: none), `direction` that in which
-the slider moved last; whether the queue of those behind is kept; and attachments since
-the last summing up.
+`origins` is the sum over the attached contacts of stiffness times birth position, from
+`reference`; `squares` is the same with the square of the position, `stiffness` the sum
+of the stiffness. While the detached contacts are elastic, their force is 0 with the
+slider at `anchor`. `looked` is the position of the slider at a snapshot, and `least` a
+lower bound on all keys in the queue of breaks behind. `breaks_at_arrest` is the number
+of breaks up to the last arrest; `slides` is the sign of the motion in which the
+detached contacts slide, 0 while they are elastic; `slid` is the direction in which they
+have just slid, until the slider reverses (0: none); `direction` is that of the last
+motion. `keeps_behind` is whether the queue of breaks behind is kept, and `attachments`
+counts those since the sums were last computed.
 """
 
 
@@ -48,8 +49,8 @@ def make_motion(
     sliding_force: float = 0.0,
     slides: int = 0,
 ) -> Record:
-    """Return an array of the one record; `slides` is 1 or -1 if the detached
-    contacts slide already.
+    """Return an array of one record; `slides` is 1 or -1 if the detached contacts slide
+    already.
     """
     motion = blank(MOTION, 1)
     motion.position = motion.anchor = motion.reference = X
@@ -61,11 +62,12 @@ def make_motion(
 
 
 class Constants(NamedTuple):
-    """Constants of a call: Eq. (11), the sliding force of detached contacts, the number
-    of contacts.
+    """Constants of a call: those of Eq. (11), the sliding force of detached contacts,
+    the number of contacts.
 
-    `near` is the time up to which the short Taylor expansion does. `pull` is the force
-    over the position of the drive: K, or 1 where the drive gives a force and K is 0.
+    `near` is the time up to which the short Taylor expansion is accurate. `pull` is the
+    derivative of the force by the position of the drive: K, or 1 where the drive is a
+    force and K is 0.
     """
 
     K: float
@@ -82,10 +84,10 @@ class Constants(NamedTuple):
 
 
 class FlightLeg(NamedTuple):
-    """A flight from one event towards the next: where it begins, with which forces, and
-    its motion.
+    """A flight from one event towards the next: its start, the forces there, and its
+    motion.
 
-    `n` is the stiffness of the attached contacts, `free` the number of the detached if
+    `n` is the stiffness of the attached contacts, `free` the number of detached ones if
     they carry a force.
     """
 
@@ -105,8 +107,8 @@ def constants(
     N: float,
     stiffest: float,
 ) -> Constants:
-    """Return the constants of a call; `stiffest` is the largest mean stiffness that
-    the contacts can reach.
+    """Return the constants of a call; `stiffest` is the largest mean stiffness that the
+    contacts can have.
     """
     rigid = math.isinf(slider.stiffness)
     massless = slider.mass == 0.0
@@ -135,7 +137,7 @@ def constants(
 
 @inlined
 def driving_force(c: Constants, D: float, X: float) -> float:
-    """Force of the spring with the drive at `D`, or `D` itself as a force."""
+    """Force of the spring with the drive at `D`; `D` itself if the drive is a force."""
     return D if c.K == 0.0 else c.K * (D - X)
 
 
@@ -156,7 +158,7 @@ def contact_force(m: Record, N: float) -> float:
 
 @inlined
 def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
-    """Motion from here on until the next event."""
+    """Return the flight from the present state to the next event."""
     t = m.time
     X = m.position
     D, drive_v = drive_at(drive, t)
@@ -192,7 +194,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
 
 @inlined
 def balance(m: Record, drive: Quadratic, c: Constants) -> float:
-    """Where a slider without mass is in balance."""
+    """Position at which a slider without mass is in balance."""
     pull = (
         c.K * drive_at(drive, m.time)[0]
         + (m.stiffness * m.reference + m.origins) * c.part
@@ -217,11 +219,11 @@ def sample(
     a: float,
     c: Constants,
 ) -> None:
-    """Fill a row with the state of the flight a time `part` after its beginning.
+    """Fill a row with the state at a time `part` after the beginning of the flight.
 
-    Position, velocity, friction force, attached fraction, energy stored in contacts,
-    and, accumulated since the start, work of the drive, energy lost to damping and in
-    breaks; all per contact.
+    These are position, velocity, friction force, attached fraction, energy stored in
+    contacts, and, accumulated from the start of the run, work of the drive, energy lost
+    by damping and in breaks; all per contact.
     """
     n = leg.n
     y, u = at(leg.motion, part)
@@ -264,8 +266,8 @@ def sample_until(
     end: float,
     c: Constants,
 ) -> bool:
-    """Fill the samples up to `end`, or to the first at which the condition holds,
-    and go there; whether it does.
+    """Fill the samples up to `end`, or to the first at which the condition holds, and
+    move the state there; return whether it holds.
     """
     drive = piece.drive
     while m.sample < sampling.times.size and sampling.times[m.sample] <= end:
@@ -296,7 +298,7 @@ def fly(
     a: float,
     c: Constants,
 ) -> None:
-    """Move the state to the end of the flight, but for its time."""
+    """Move the state, except its time, to the end of the flight."""
     if not c.rigid:
         work, squares = energies(
             leg.motion,
@@ -321,7 +323,7 @@ def fly(
 
 @inlined
 def detached_energy(m: Record, c: Constants) -> float:
-    """Energy that one detached contact holds, per contact."""
+    """Energy of one detached contact, over the number of contacts."""
     if c.f_d == 0.0:
         return 0.0
     return 0.5 * c.part * detached_stretching(m, m.position) ** 2
@@ -334,8 +336,8 @@ def count_in(
     k: float,
     c: Constants,
 ) -> None:
-    """Count a contact of stiffness `k` that attaches: it lets go of the force it
-    slid with, and may be stretched.
+    """Add a contact of stiffness `k` that attaches: it gives up the energy with which
+    it slid, and may be stretched.
     """
     x = m.position - birth
     m.broken += detached_energy(m, c) - 0.5 * k * x * x * c.part
@@ -353,8 +355,8 @@ def count_out(
     k: float,
     c: Constants,
 ) -> None:
-    """Remove a contact of stiffness `k` that breaks: its energy is lost, but for what a
-    detached one holds.
+    """Remove a contact of stiffness `k` that breaks: its energy is lost, except that of
+    a detached contact.
     """
     x = m.position - birth
     m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)
@@ -368,7 +370,7 @@ def count_out(
 
 @bare
 def leap(m: Record, to: float, c: Constants) -> None:
-    """Move a slider without mass at once."""
+    """Move a slider without mass to a position in zero time."""
     if m.slides != 0:
         m.broken += (c.N - m.attached) * c.part * m.slides * c.f_d * (to - m.position)
     m.direction = 1 if to >= m.position else -1

@@ -1,12 +1,12 @@
-"""A bucket queue: entries (key, slot) in bins of equal width; only the bin in use is
-kept sorted.
+"""A bucket queue: entries (key, slot) in bins of equal width, of which only the bin in
+use is kept sorted.
 
-What it costs to add an entry and to take the smallest does not grow with their number,
-as long as keys come from a range that moves on slowly. A bin is a list of short pieces
-of consecutive memory: taking a bin into use waits for the memory once, not once an
-entry, and adding an entry does not wait at all. An entry stays at its place until it is
-taken or dropped, so that it may hold more than key and slot, and be found again: what a
-contact needs, two to a cache line.
+The cost of adding an entry and of taking the smallest does not grow with their number,
+as long as keys come from a range that moves slowly. A bin is a list of short chunks of
+consecutive memory: taking a bin into use waits for the memory once, not once per entry,
+and adding an entry does not wait at all. An entry stays at its place until it is taken
+or dropped, so it may hold more than key and slot, and can be found again: the data of a
+contact, two contacts to a cache line.
 """
 
 import math
@@ -26,8 +26,8 @@ _ENTRY = np.dtype(
         ("threshold", "f8"),
     ]
 )
-"""Key and slot, and what the user wants to find at its place; one kind for all
-queues, compiled once.
+"""Key and slot, and further data of the user; one type for all queues, so that kernels
+are compiled once.
 """
 
 _CHUNK = 4  # entries in a piece of memory; a power of two
@@ -35,13 +35,13 @@ _SHIFT = 2  # its logarithm
 
 
 class Queue(NamedTuple):
-    """Entries waiting in order of their key.
+    """Entries in order of their keys.
 
-    ``entries`` is cut into chunks; a key of infinity marks a place without an entry.
-    ``newest[b]`` is the place filled last of bin number ``b`` modulo their count, and
-    ``before[c]`` the chunk of the same bin filled before chunk ``c``. The bin in use
-    lies sorted in ``front_key`` and ``front_place``, between ``counts[FIRST]`` and
-    ``counts[LAST]``.
+    ``entries`` is divided into chunks; a key of infinity marks a place without an
+    entry. ``newest[b]`` is the last place filled in bin number ``b`` modulo the number
+    of bins, and ``before[c]`` is the chunk of the same bin filled before chunk ``c``.
+    The bin in use is sorted in ``front_key`` and ``front_place``, between
+    ``counts[FIRST]`` and ``counts[LAST]``.
     """
 
     newest: Indices
@@ -54,8 +54,8 @@ class Queue(NamedTuple):
     capacity: int
 
 
-_FREE = 0  # first of the chunks that were freed
-_UNUSED = 1  # chunks from this one on were never used
+_FREE = 0  # first chunk in the list of freed chunks
+_UNUSED = 1  # first chunk that was never used
 _SIZE = 2
 BIN = 3  # number of the bin in use
 FIRST = 4
@@ -64,10 +64,10 @@ MOVED = 6  # whether entries were moved to other places
 
 
 def make_queue(capacity: int, bins: int, width: float) -> Queue:
-    """Return an empty queue; `bins` is a power of two, and any `width` right; the
-    best holds a dozen entries.
+    """Return an empty queue; `bins` is a power of two, and any `width` is correct; at
+    the best width a bin holds a dozen entries.
     """
-    # one of them to move entries
+    # one more chunk for moving entries
     chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2
     queue = Queue(
         newest=np.empty(bins, np.int32),
@@ -85,7 +85,7 @@ def make_queue(capacity: int, bins: int, width: float) -> Queue:
 
 @bare
 def clear(queue: Queue, key: float) -> None:
-    """Empty the queue and put the bin of `key` in use."""
+    """Empty the queue and make the bin of `key` the bin in use."""
     queue.newest[:] = -1
     queue.counts[:] = 0
     queue.counts[_FREE] = -1
@@ -94,27 +94,27 @@ def clear(queue: Queue, key: float) -> None:
 
 @inlined
 def wide(number: int) -> int:
-    """Return a slot or a place, of 32 bits in an entry, with the 64 of all other
-    numbers: kernels know one kind.
+    """Convert a slot or a place, a 32-bit number in an entry, to the 64-bit type of all
+    other numbers, so that kernels are compiled for one type.
     """
     return number + 0
 
 
 @inlined
 def size(queue: Queue) -> int:
-    """Number of entries that wait."""
+    """Number of entries in the queue."""
     return int(queue.counts[_SIZE])
 
 
 @inlined
 def used(queue: Queue) -> int:
-    """Number of places in use: all entries lie below it."""
+    """Number of places in use: all entries are below it."""
     return int(queue.counts[_UNUSED]) * _CHUNK
 
 
 @inlined
 def _put(queue: Queue, chain: int) -> int:
-    """Return a place for another entry of a bin."""
+    """Return a place for a new entry of a bin."""
     place = queue.newest[chain] + 1
     if place & (_CHUNK - 1) == 0:  # the chunk is full, or there is none: an end of -1
         place = _new_chunk(queue, (place >> _SHIFT) - 1)
@@ -140,17 +140,17 @@ def _new_chunk(queue: Queue, before: int) -> int:
 
 @inlined
 def push(queue: Queue, key: float, slot: int) -> int:
-    """Add an entry, of which the caller may fill the rest, and return its place; the
-    queue must not be full.
+    """Add an entry, whose further data the caller may fill in, and return its place;
+    the queue must not be full.
     """
     counts = queue.counts
-    # but for the chunk kept for moving entries
+    # except for the chunk kept for moving entries
     if counts[_FREE] < 0 and counts[_UNUSED] >= queue.before.size - 1:
         _pack(queue)
     bin_ = math.floor(key * queue.per_bin)
     if bin_ < counts[BIN] or counts[FIRST] == counts[LAST]:
-        # Something smaller has come, as when the slider turns back: the front is only a
-        # view of its bin.
+        # A smaller key has come, as when the slider reverses: reset the front, which is
+        # only a view of its bin.
         counts[FIRST] = counts[LAST] = 0
         counts[BIN] = min(counts[BIN], bin_ - 1)
     place = _put(queue, bin_ & (queue.newest.size - 1))
@@ -168,7 +168,7 @@ def _insert(queue: Queue, key: float, place: int) -> None:
     counts = queue.counts
     first = counts[FIRST]
     last = counts[LAST]
-    # there is room where entries were taken or dropped
+    # there is room at the places of taken or dropped entries
     if last == queue.front_key.size:
         last = 0
         for i in range(first, queue.front_key.size):
@@ -196,7 +196,7 @@ def peek(queue: Queue) -> float:
         key = queue.entries[queue.front_place[counts[FIRST]]]["key"]
         if key < np.inf:
             return float(key)
-        counts[FIRST] += 1  # it was dropped
+        counts[FIRST] += 1  # the entry was dropped
     if counts[_SIZE] == 0:
         return np.inf
     _next_bin(queue)
@@ -212,7 +212,7 @@ def _next_bin(queue: Queue) -> None:
         _free_chunks(queue, counts[BIN] & last)
     counts[FIRST] = counts[LAST] = 0
     empty_bins = 0
-    # ends: some entry waits, at most a turn of the wheel ahead
+    # ends: some entry is in the queue, at most one turn of the wheel ahead
     while counts[LAST] == 0:
         if empty_bins > queue.newest.size:
             lowest = np.inf
@@ -227,19 +227,19 @@ def _next_bin(queue: Queue) -> None:
 
 @inlined
 def first_place(queue: Queue) -> int:
-    """Place of the entry with the smallest key; the queue must have been peeked at."""
+    """Place of the entry with the smallest key; `peek` must have been called before."""
     return wide(queue.front_place[queue.counts[FIRST]])
 
 
 @inlined
 def first_slot(queue: Queue) -> int:
-    """Slot of the entry with the smallest key; the queue must have been peeked at."""
+    """Slot of the entry with the smallest key; `peek` must have been called before."""
     return wide(queue.entries[first_place(queue)]["slot"])
 
 
 @inlined
 def pop(queue: Queue) -> None:
-    """Drop the entry with the smallest key; the queue must have been peeked at."""
+    """Drop the entry with the smallest key; `peek` must have been called before."""
     drop(queue, first_place(queue))
     queue.counts[FIRST] += 1
 
@@ -263,7 +263,7 @@ def _load(queue: Queue) -> None:
         chunk = place >> _SHIFT
         for here in range(place, chunk * _CHUNK - 1, -1):
             key = queue.entries[here]["key"]
-            # else one of a later turn of the wheel
+            # other entries belong to a later turn of the wheel
             if key < np.inf and math.floor(key * queue.per_bin) == bin_:
                 queue.front_key[count] = key
                 queue.front_place[count] = here
@@ -275,7 +275,7 @@ def _load(queue: Queue) -> None:
 
 @inlined
 def _free_chunks(queue: Queue, chain: int) -> None:
-    """Free the chunks of a bin in which no entry is left."""
+    """Free the chunks of a bin that have no entry left."""
     place = queue.newest[chain]
     after = -1
     # ends: a chain of chunks has a last one
@@ -299,7 +299,7 @@ def _free_chunks(queue: Queue, chain: int) -> None:
 
 @bare
 def _pack(queue: Queue) -> None:
-    """Move entries together: places of dropped ones may lie anywhere."""
+    """Move entries together, as dropped entries leave free places anywhere."""
     counts = queue.counts
     entries = queue.entries
     aside = entries[entries.size - _CHUNK :]
@@ -328,8 +328,8 @@ def _pack(queue: Queue) -> None:
 
 @inlined
 def _sort_front(queue: Queue) -> None:
-    # A bin is read from its newest entry; times of re-attachment come in order, so
-    # reversed they are sorted already.
+    # A bin is read from its newest entry on; times of re-attachment come in order, so
+    # after reversing they are sorted already.
     keys = queue.front_key
     places = queue.front_place
     count = queue.counts[LAST]
@@ -338,11 +338,11 @@ def _sort_front(queue: Queue) -> None:
         keys[i], keys[j] = keys[j], keys[i]
         places[i], places[j] = places[j], places[i]
     stride = 1
-    # ends: the stride trebles in each turn
+    # ends: the stride triples in each turn
     while stride < count // 9:
         stride = 3 * stride + 1
     # ends: a third of the stride is left in each turn
-    while stride > 0:  # Shell's sort: bins are short, and it needs no memory
+    while stride > 0:  # Shell sort: bins are short, and it needs no memory
         for i in range(stride, count):
             key = keys[i]
             place = places[i]

@@ -2,25 +2,25 @@
 
 Between two events the slider is a damped oscillator of known stiffness (the spring and
 the attached contacts), pulled by a known drive: its motion is known in closed form
-(`flight`). The next event is the earliest of the slider reaching the nearest breaking
-position, ahead (``birth position + threshold``) or behind
-(``birth position - threshold``), the next re-attachment of a broken contact, and the
-end of the piece of the drive.
+(`flight`). The next event is the earliest of these: the slider reaches the nearest
+breaking position, ahead (``birth position + threshold``) or behind
+(``birth position - threshold``); a detached contact re-attaches; the piece of the drive
+ends.
 
 Breaking positions and times of re-attachment wait in bucket queues (`event_queue`),
-whose cost does not grow with the number of contacts; the force needs two running sums,
-whatever that number. Samples are read off the closed form inside the interval where
-they fall, so that sampling never changes the motion.
+whose cost does not grow with the number of contacts. The force needs two running sums,
+however many contacts there are. Samples are computed from the closed form inside the
+interval where they fall, so that sampling never changes the motion.
 
-With temperature, with thresholds that grow, and of different areas, contacts break by
-`thinning`: what waits in the queues are then the sides of boxes, and proposals wait in
-a tournament of their times. Where all that matters is Bell's rate, one box does for all
-contacts, that of `shared_clock`.
+With temperature, with thresholds that grow, and with different contact areas, contacts
+break by `thinning`: the queues then hold the sides of boxes, and proposals wait in a
+tournament of their times. With Bell's rate alone, one box serves all contacts, that of
+`shared_clock`.
 
 Detached contacts that carry a force slide together: one element, elastic with the
 contacts' stiffness up to that force and plastic beyond, follows the slider for all of
 them. It yields where the slider passes one of two positions, and is elastic again once
-the slider turns round: two more kinds of events, and no friction with a jump.
+the slider reverses: two more kinds of events, and the friction does not jump.
 
 Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider position
 ``X``, drive position ``D``.
@@ -88,28 +88,28 @@ from .thinning import (
 )
 from .tournament import enter, smallest, tournaments, winner
 
-# When a contact attached; how far its box reaches, and the largest rate there: 0 if the
-# time of the contact is that of the end of its box, below 0 if it breaks then; its
+# When a contact attached; how far its box reaches; the largest rate there (0: nothing
+# is proposed before the box ends; below 0: the contact breaks when its box ends); its
 # place in the queue ahead.
 BOX = np.dtype(
     [("since", float), ("reach", float), ("most", float), ("place", np.int64)]
 )
 
-_NEED = 4  # variates that an event may need, at most
+_NEED = 4  # most variates that one event may use
 _ULPS = 4.0 * 2.0**-52
-_TRIES = 64  # thresholds from which a newborn without strength may choose
+_TRIES = 64  # most thresholds drawn for a newborn that cannot hold
 
 
 class ContactDraws(NamedTuple):
     """Random numbers in the order of use: thresholds of contacts that attach, and
-    delays of those that break.
+    delays of contacts that break.
 
-    `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take
-    them from `delays`. Contacts attach with the `stretchings` along the motion; without
-    any, unstretched. With `on_arrest` they attach when the slider first stops after a
-    break, and with `tracks`, `advance_events` returns then. `variates`, between 0 and
-    1, decide when contacts in boxes break. Thresholds and stretchings are to be
-    multiplied by the `load` at the time.
+    `fixed_delay` is the delay of all contacts: infinite if none re-attaches, NaN to
+    draw from `delays`. Contacts attach with the `stretchings` along the motion, or
+    unstretched if there are none. With `on_arrest` they attach when the slider first
+    stops after a break, and with `tracks`, `advance_events` returns then. `variates`,
+    between 0 and 1, decide when contacts in boxes break. Thresholds and stretchings
+    must be multiplied by the `load` at the time.
     """
 
     thresholds: Floats
@@ -125,12 +125,13 @@ class ContactDraws(NamedTuple):
 class ContactsState(NamedTuple):
     """State of the engine: contacts, queues, motion.
 
-    ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what
-    breaks next lies together. Its slots are the contacts' numbers, `other` the places
-    in ``behind``, keyed by ``threshold - birth``, whose slots are the places in
-    ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves
-    on, or back by less than a threshold, breaks none behind: until one comes near, a
-    bound stands for the queue ``behind``, which is then filled and kept for a while.
+    The fields of attached contacts are stored in ``ahead``, keyed by
+    ``birth + threshold``, so that contacts that break in turn lie side by side in
+    memory. Its slots are the contacts' numbers; `other` is the place in ``behind``,
+    which is keyed by ``threshold - birth`` and whose slots are the places in ``ahead``.
+    ``waiting`` holds the detached contacts, keyed by time. A slider that moves on, or
+    back by less than a threshold, breaks no contact behind: until one comes near, a
+    bound replaces the queue ``behind``, which is then filled and kept for a while.
     """
 
     size: int
@@ -144,11 +145,12 @@ class ContactsState(NamedTuple):
 class Boxes(NamedTuple):
     """Further state of contacts that break by a `Rule`.
 
-    ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a
-    tournament of their next proposals and ends of boxes. ``own`` are the strengths of
-    contacts that keep them when they re-attach; without any they draw new ones.
-    ``stiffest`` is how stiff they may become, over their number. With a shared clock
-    nobody is in a box of his own: all reach up to their thresholds.
+    ``of`` holds one box per contact, ``times`` a tournament of the times of their next
+    proposals and ends of boxes. With a `Rule`, the threshold stored of a contact is its
+    strength; ``own`` are the strengths of contacts that keep them when they re-attach;
+    if it is empty they draw new ones. ``stiffest`` bounds the total stiffness that the
+    contacts may reach, over their number. With a shared clock contacts have no boxes of
+    their own: all reach up to their thresholds.
     """
 
     rule: Rule
@@ -170,14 +172,16 @@ def make_state(
 ) -> ContactsState:
     """Return the state of an interface at time 0.
 
-    `birth` are the positions without stretching; the last ``len(pending)`` contacts are
-    detached until these times, which may be infinite. Some contacts have `reached`
-    these stretchings, through so many `thinning`; `scale_time` is a typical delay.
+    `birth` are the positions at which the contacts are not stretched; the last
+    ``len(pending)`` contacts are detached until these times, which may be infinite.
+    `reached` are stretchings at which contacts break, and `boxes` the mean number of
+    boxes of a life (see `thinning`): both set the width of a bin, as `scale_time`, a
+    typical delay, does for times.
     """
     N = birth.size
     attached = N - pending.size
-    # A dozen contacts break, or leave their boxes, on the width of a bin in smooth
-    # sliding.
+    # Bins so wide that in smooth sliding a dozen contacts break, or leave their boxes,
+    # in each.
     reach = 2.0 * float(reached.max())
     width = 12.0 * (float(reached.mean()) or 1.0) / (N * boxes)
     bins = _power_of_two(reach / width, N / 4)
@@ -210,8 +214,8 @@ def boxed(
     since: Floats,
     own: Floats,
 ) -> Boxes:
-    """Return empty boxes for contacts that attached at the times `since`; the first
-    advance draws them.
+    """Return boxes for contacts that attached at the times `since`: empty ones, which
+    the first advance draws.
     """
     N = state.size
     m = state.motion[0]
@@ -220,7 +224,7 @@ def boxed(
     slots = contacts["slot"][held]
     of = np.zeros(N, BOX)
     times = np.full((1, N), np.inf)
-    # Thresholds that have grown may hold contacts beyond their strengths.
+    # A growing threshold may hold a contact that is stretched beyond its strength.
     stretched = np.abs(m.position - contacts["birth"][held])
     of["since"] = since
     of["reach"][slots] = np.maximum(contacts["threshold"][held], stretched)
@@ -235,7 +239,7 @@ def boxed(
         shared_clock.make_clock(N if shared else 0),
     )
     _look_again(state, boxes)
-    # Twice as stiff as now only by a rare choice of the strongest.
+    # Only a rare draw of the strongest contacts makes them twice as stiff as now.
     return (
         boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1))
         if rule.as_stiff
@@ -252,7 +256,7 @@ def _fill(
     until: Floats,
 ) -> None:
     """Enter attached contacts into the queue ahead, and detached ones into the queue of
-    those that wait.
+    waiting contacts.
 
     A contact whose threshold has grown may be stretched beyond its strength.
     """
@@ -266,12 +270,12 @@ def _fill(
 
 
 def force_of(state: ContactsState) -> float:
-    """Force of the contacts, per contact."""
+    """Return the force of the contacts, per contact."""
     return float(motion.contact_force(state.motion[0], float(state.size)))
 
 
 def attached_places(state: ContactsState) -> Counts:
-    """Places of the attached contacts in ``ahead``."""
+    """Return the places of the attached contacts in ``ahead``."""
     return np.flatnonzero(state.ahead.entries["key"][: used(state.ahead)] < np.inf)
 
 
@@ -296,8 +300,8 @@ def _power_of_two(wanted: float, most: float) -> int:
 
 @inlined
 def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
-    """Largest stretching for which the contact at a place needs no look: its box, or
-    its threshold.
+    """Return the largest stretching up to which the contact at a place needs no
+    attention: the reach of its box, or its threshold.
     """
     if boxes is None:
         return float(state.ahead.entries[place]["threshold"])
@@ -306,8 +310,8 @@ def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
 
 @inlined
 def _first_behind(state: ContactsState) -> float:
-    """Minus the position of the slider at which a contact behind may break or leave its
-    box.
+    """Return minus the slider position at which the next contact behind may break or
+    leave its box.
     """
     m = state.motion[0]
     return peek(state.behind) if m.keeps_behind else float(m.least)
@@ -315,7 +319,7 @@ def _first_behind(state: ContactsState) -> float:
 
 @bare
 def _keep_behind(state: ContactsState, boxes: Boxes | None) -> None:
-    """Fill the queue of the contacts behind, which is kept up to date from now on."""
+    """Fill the queue of the contacts behind, and keep it up to date from now on."""
     contacts = state.ahead.entries
     clear(state.behind, -state.motion[0].position)
     for place in range(used(state.ahead)):
@@ -330,8 +334,8 @@ def _keep_behind(state: ContactsState, boxes: Boxes | None) -> None:
 
 @bare
 def _look_again(state: ContactsState, boxes: Boxes | None) -> None:
-    """Sum stretchings anew about the present position, so that rounding does not
-    accumulate; places may change.
+    """Recompute the sums of the stretchings about the present position, so that
+    rounding does not accumulate, and the places, which may have changed.
     """
     m = state.motion[0]
     contacts = state.ahead.entries
@@ -430,8 +434,8 @@ def _variate(m: Record, draws: ContactDraws) -> float:
 
 @inlined
 def _rounding(m: Record) -> float:
-    """Rounding error of a stretching far from the origin, and of a growing threshold
-    long after the start.
+    """Return the rounding error of a stretching far from the origin, and of a threshold
+    that has grown for a long time.
     """
     return float(_ULPS * (abs(m.position) + abs(m.velocity) * m.time))
 
@@ -479,7 +483,7 @@ def _breaks(
     draws: ContactDraws,
     boxes: Boxes,
 ) -> bool:
-    """Whether a contact that leaves its box, or whose time is up, breaks."""
+    """Return whether a contact breaks that leaves its box or whose time has come."""
     m = state.motion[0]
     contact = state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
@@ -496,7 +500,7 @@ def _breaks(
 
 @inlined
 def _forget(state: ContactsState, slot: int, boxes: Boxes) -> None:
-    """Clear the time that is set for a contact."""
+    """Clear the time of a contact's next proposal."""
     if is_shared(boxes.rule):
         shared_clock.forget(boxes.clock, slot, state.size)
     else:
@@ -523,8 +527,8 @@ def _attach(
         if boxes.own.size:
             threshold = boxes.own[slot]
         elif grows_from_nothing(boxes.rule.growth) and draws.fixed_delay == 0.0:
-            # Those that do not hold re-attach in this moment again and again, until one
-            # holds or nobody can.
+            # A contact that cannot hold would re-attach again and again at this moment:
+            # draw thresholds until one holds, or give up and try later.
             while (
                 not can_hold(boxes.rule, threshold, m.velocity)
                 and i < m.thresholds_used + _TRIES - 1
@@ -590,7 +594,7 @@ def _leave(
     boxes: Boxes,
     c: Constants,
 ) -> None:
-    """Break a contact that leaves its box or whose time is up, or give it a new box."""
+    """Break a contact that leaves its box or whose time has come, or draw a new box."""
     if is_shared(boxes.rule) or _breaks(state, place, draws, boxes):
         _break(state, place, draws, boxes, c)
         return
@@ -610,8 +614,8 @@ def _strike(
     boxes: Boxes,
     c: Constants,
 ) -> None:
-    """Break the contact that the clock ahead (0) or behind (1) proposes, or let it be
-    proposed again later.
+    """Break the contact that the clock ahead (0) or behind (1) proposes, or draw the
+    time of its next proposal.
     """
     m = state.motion[0]
     slot = winner(boxes.clock.readings[side], state.size)
@@ -648,7 +652,7 @@ def _pass(
     boxes: Boxes | None,
     c: Constants,
 ) -> None:
-    """The slider passes the first position ahead or behind."""
+    """Move the slider to the first position ahead or behind, and handle the event."""
     place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
     state.motion[0].position = state.ahead.entries[place]["birth"] + side * _reach(
         state,
@@ -662,11 +666,11 @@ def _pass(
 
 
 class _Edges(NamedTuple):
-    """The element of the detached contacts yields where the slider passes `ahead` or
-    `behind`.
+    """Positions `ahead` and `behind` at which the element of the detached contacts
+    yields.
 
-    With `watch`, the flight ends where the slider turns round. It ends at `low` and
-    `high` as well, where clocks that contacts share change their pace.
+    With `watch`, the flight also ends where the slider reverses. It ends at `low` and
+    `high` as well, where the rates of the shared clocks change.
     """
 
     ahead: float
@@ -683,8 +687,8 @@ def _edges(
     boxes: Boxes | None,
     c: Constants,
 ) -> _Edges:
-    """Positions at which the element of the detached contacts yields; infinite while it
-    does.
+    """Return the positions at which the element of the detached contacts yields; they
+    are infinite while it does.
     """
     ahead = np.inf
     behind = -np.inf
@@ -709,20 +713,22 @@ def _edges(
 
 @inlined
 def _holds_again(m: Record) -> None:
-    """The element ceases to yield."""
+    """Make the element of the detached contacts elastic again."""
     m.anchor = m.position - m.slides * m.sliding_force
     m.slides, m.slid = 0, m.slides
 
 
 @inlined
 def _element_turns(m: Record, flight: Flight, c: Constants) -> bool:
-    """Whether the element ceases to yield, or yields again, as the slider sets out."""
+    """Return whether the element stops yielding, or yields again, at the start of a
+    flight.
+    """
     onwards = heading(flight)
     if m.slides != 0 and onwards * m.slides < 0.0:
         _holds_again(m)
         return True
     if (c.rigid or c.massless) and abs(m.position - m.anchor) < (1.0 - 1e-12) * c.f_d:
-        m.slid = 0  # no flight has told of a turn
+        m.slid = 0  # these flights do not report that the slider has reversed
     if m.slid != 0 and onwards * m.slid > 0.0:
         m.slides = m.slid
         m.slid = 0
@@ -737,8 +743,8 @@ def _yields(
     side: int,
     first: float,
 ) -> bool:
-    """Whether the element gives way before the contact whose key is `first`; it
-    yields from here on.
+    """Return whether the element yields before the slider reaches the contact of key
+    `first`; if so, it yields from here on.
     """
     limit = edges.ahead if side == 1 else edges.behind
     if not side * limit < first:
@@ -758,8 +764,8 @@ def _leaps(
     boxes: Boxes,
     c: Constants,
 ) -> bool:
-    """Move a slider without mass towards its balance; return whether an event happens
-    on the way.
+    """Move a slider without mass towards its equilibrium; return whether an event
+    interrupts it.
     """
     m = state.motion[0]
     goal = motion.balance(m, drive, c)
@@ -790,7 +796,7 @@ def _begin(
     boxes: Boxes | None,
     c: Constants,
 ) -> tuple[FlightLeg, _Edges]:
-    """Motion from here on until the next event."""
+    """Return the motion from here until the next event, and the edges that end it."""
     leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
         leg = motion.set_out(m, drive, c)
@@ -799,7 +805,7 @@ def _begin(
     return leg, _edges(m, arrests and m.breaks > m.breaks_at_arrest, boxes, c)
 
 
-_TURN = 2  # ends a flight where the slider turns round
+_TURN = 2  # the flight ends where the slider reverses
 
 
 @inlined
@@ -813,11 +819,12 @@ def _next_event(
     """Find the duration of the flight, at most `most`; displacement and velocity at its
     end; and what ends it.
 
-    1 and -1: a break ahead or behind, or the element of the detached contacts yields
-    there; `_TURN`; 0: the limit, or the end of what was searched.
+    1 or -1: a contact ahead or behind breaks, or the element of the detached contacts
+    yields there; `_TURN`: the slider reverses; 0: the flight reaches its limit, or the
+    end of the interval that was searched.
     """
     v = leg.motion.v
-    if leg.motion.w2 == 0.0:  # a free mass flies as far as the expansion goes
+    if leg.motion.w2 == 0.0:  # the expansion bounds the flight of a free mass
         most = min(most, leg.motion.near * (NEAREST / NEAR))
     to_ahead = max(min(ahead, edges.ahead, edges.high) - leg.X, 0.0)
     h = 0.0
@@ -828,8 +835,8 @@ def _next_event(
     if not applies and v > 0.0:
         h, y, u, side, applies = soon(leg.motion, to_ahead, most)
     if not applies:
-        # Only now those behind are looked at: while the slider moves on, none of them
-        # can break.
+        # The contacts behind are examined only here: while the slider moves on, none of
+        # them can break.
         to_behind = max(
             min(_first_behind(state), -edges.behind, -edges.low) + leg.X, 0.0
         )
@@ -874,8 +881,8 @@ def _crosses(
     first: float,
     boxes: Boxes | None,
 ) -> bool:
-    """Whether the slider passes an edge of the window before a contact or the
-    element gives way.
+    """Return whether the slider reaches an edge of the window before a contact or the
+    element yields.
     """
     edge = edges.high if side == 1 else edges.low
     if not (
@@ -885,14 +892,14 @@ def _crosses(
         return False
     m.position = edge
     if boxes is not None:
-        # rounding may lead a slider without mass back into the window
+        # rounding may put a slider without mass back into the window
         boxes.clock.window[0].until = -np.inf
     return True
 
 
 @inlined
 def _stops(m: Record) -> bool:
-    """The slider turns round; whether it has stopped after a break."""
+    """Record that the slider reverses; return whether this stop follows a break."""
     last = m.breaks_at_arrest
     m.slid = 0
     m.breaks_at_arrest = m.breaks
@@ -901,8 +908,8 @@ def _stops(m: Record) -> bool:
 
 @inlined
 def _due(state: ContactsState, boxes: Boxes) -> tuple[float, int]:
-    """Next time that is set for a contact, and whose: that of a shared clock, or of its
-    own (-1).
+    """Return the time of the next proposal and its clock: a shared one (0 or 1), a
+    contact's own (-1), or the end of the window (-2).
     """
     if not is_shared(boxes.rule):
         return smallest(boxes.times), -1
@@ -920,8 +927,8 @@ def _happens(
     boxes: Boxes,
     c: Constants,
 ) -> None:
-    """Handle the time that has come: of a contact by a shared clock or its own, or the
-    end of the window (-2).
+    """Handle the proposal that is due: of a shared clock, of a contact's own (-1), or
+    the end of the window (-2).
     """
     if by >= 0:
         _strike(state, by, draws, boxes, c)
@@ -937,7 +944,7 @@ def _winds(
     draws: ContactDraws,
     boxes: Boxes,
 ) -> bool:
-    """Wind the shared clocks where that is due; return False if too few variates are
+    """Wind the shared clocks if they need it; return False if too few variates are
     left.
     """
     m = state.motion[0]
@@ -957,8 +964,8 @@ def _winds(
 
 @inlined
 def _next_attachment(state: ContactsState, on_arrest: bool) -> float:
-    """When the next detached contact attaches; on arrest, once the slider has
-    stopped.
+    """Return when the next detached contact attaches; with `on_arrest`, once the slider
+    has stopped.
     """
     m = state.motion[0]
     attachment = peek(state.waiting)
@@ -973,8 +980,8 @@ def short_of(
     draws: ContactDraws,
     boxes: Boxes | None,
 ) -> tuple[bool, bool, bool]:
-    """Whether too few thresholds, delays or variates are left for the next event,
-    whichever it is.
+    """Return whether too few thresholds, delays or variates are left for any next
+    event.
     """
     thresholds = 1
     variates = False
@@ -998,12 +1005,13 @@ def advance_events(
     budget: int,
     boxes: Boxes | None = None,
 ) -> int:
-    """Move the state on, event by event, until a reason to stop, or about `budget`
-    events.
+    """Advance the state, event by event, until there is a reason to stop, or for about
+    `budget` events.
 
-    The motion says how far the samples are filled and the draws used. Whether there are
-    boxes numba knows as it compiles: contacts without pay nothing for them. A slider
-    without mass needs them: under fixed thresholds it would slip in no time.
+    The motion records how many samples are filled and how many draws are used. numba
+    compiles a version with boxes and one without, so that contacts without boxes do not
+    pay for them. A slider without mass needs boxes: under fixed thresholds it would
+    slip at infinite speed.
     """
     m = state.motion[0]
     acceleration = piece.drive.acceleration

@@ -1,17 +1,18 @@
-"""A finite number of contacts on panels: how many of each node break and re-attach in a
-step is drawn.
+"""A finite number of contacts on panels: how many contacts of each node break and
+re-attach in a step is drawn.
 
-The contacts of a node of Gauss attached at one place. Of ``n`` that have held up to a
-stretching ``r`` a binomial number breaks on the way to ``r'``, each with the
-probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and how long they wait
-is binomial, too. So the counts have the distribution of independent contacts, at a cost
-that depends on the number of nodes only.
+The contacts of a Gauss node attached at one place. Of ``n`` contacts that have held up
+to a stretching ``r`` a binomial number breaks on the way to ``r'``, each with the
+probability ``1 - J_c(r')/J_c(r)``. Where contacts attach in a step, and how long they
+wait, are binomial draws too. So the counts have the distribution of independent
+contacts, at a cost that depends on the number of nodes only.
 
-A step is solved for the mean of what may happen in it, given the counts at its start;
+A step is solved for the mean of the possible outcomes, given the counts at its start;
 its length follows from that mean, so that no outcome is ever rejected. Then the counts
-are drawn. What more or less has broken than on average does so at one random moment in
-the step, of which the slider feels the rest: force, velocity and position then have the
-variances and correlations that they have if every break has a moment of its own.
+are drawn. The deviation of the number of breaks from its mean is assigned to one random
+moment in the step, and the slider responds to it for the rest of the step: force,
+velocity and position then have the variances and correlations that they have if every
+break has a moment of its own.
 """
 
 import copy
@@ -41,7 +42,7 @@ from .survival import GONE, drawn, value_at, values_at
 
 
 class CountedLife(NamedTuple):
-    """Where contacts attached and when, their clock and reach."""
+    """Where contacts attached and when, their clock and their reach."""
 
     b: float
     clock: float
@@ -61,8 +62,8 @@ def deviation(
     force: float,
     velocity: float,
 ) -> None:
-    """Add to a row of means the deviation that has grown by a time, of a mean force and
-    velocity.
+    """Add to a row of mean values the deviation that has grown by a time, given the
+    mean force and velocity.
     """
     extra = work.fluctuation
     h = t - extra.time
@@ -87,7 +88,7 @@ def deviation(
         row.velocity += v
         row.work -= K * drive_at(case.drive, t - 0.5 * h)[1] * area
         squares = 2.0 * (velocity * x - extra.acceleration * area)
-        if eta > 0.0:  # from the energy of the free oscillation, and what the forces do
+        if eta > 0.0:  # energy lost by the free oscillation, and work of the forces
             free = 0.5 * (v * v + extra.frequency2 * x * x)
             squares += max(a * x + b * (h * x - area) - free, 0.0) / eta
         row.damped += M * eta * squares
@@ -116,8 +117,8 @@ def deviate(
     work: Work,
     case: Case,
 ) -> None:
-    """Add the deviation from the mean to a sample of it, with energy lost no sooner
-    than it is.
+    """Add the deviation from the mean to a sample, without counting energy as lost
+    before it is.
     """
     part = work.nodes[P].lost
     start = work.before[0]
@@ -130,8 +131,8 @@ def deviate(
 
 
 class _Broken(NamedTuple):
-    """Contacts that broke in a step, and their excess over the mean: number, force and
-    energy.
+    """Contacts that broke in a step: their number, and the excess of number, force and
+    energy over the mean.
     """
 
     total: float
@@ -148,8 +149,8 @@ def _draw_breaks(
     finite: FiniteNumber,
     place: float,
 ) -> _Broken:
-    """Draw how many contacts of each node break in a step; the excess breaks with the
-    slider at a `place`.
+    """Draw how many contacts of each node break in a step; the excess over the mean
+    breaks with the slider at a `place`.
     """
     cohorts = state.cohorts
     N = finite.contacts
@@ -203,8 +204,8 @@ def _fluctuate(
     place: float,
     dt: float,
 ) -> None:
-    """Record the deviation from the mean that an excess of broken contacts causes from
-    a part `u` of a step on.
+    """Record the deviation from the mean that an excess of broken contacts causes after
+    the fraction `u` of a step.
     """
     nodes = work.nodes
     extra = work.fluctuation
@@ -236,7 +237,7 @@ def settle(
     dt: float,
     direction: float,
 ) -> None:
-    """Draw the breaks and re-attachments of a step that was solved and taken for the
+    """Draw the breaks and re-attachments of a step that was solved and accepted for the
     mean.
 
     The cohorts are still those of its start.
@@ -272,8 +273,8 @@ def settle(
 
 @bare
 def _go_on(state: PanelsState, case: Case, finite: FiniteNumber) -> float:
-    """Break what does not hold at the new position of the slider, and remove empty
-    nodes; return how many broke.
+    """Break contacts that do not hold at the new position of the slider, and remove
+    empty nodes; return how many broke.
     """
     cohorts = state.cohorts
     breaking = case.breaking
@@ -317,8 +318,8 @@ def _held(
     clock: float,
     most: float,
 ) -> float:
-    """Fraction of the surviving contacts, of clock `u` and reach `r`, that survive up
-    to this clock and reach.
+    """Return which fraction of the contacts that survived to clock `u` and reach `r`
+    survives up to a new clock and reach.
     """
     before = survival(case.breaking, u, r)[0]
     return survival(case.breaking, clock, most)[0] / before if before > GONE else 0.0
@@ -333,7 +334,7 @@ def _put(
     n: float,
     life: CountedLife,
 ) -> int:
-    """Enter contacts into a place among the nodes; return 1, or 0 if there are none."""
+    """Store contacts at a place among the nodes; return 1, or 0 if there are none."""
     if n == 0.0:
         return 0
     J = survival(case.breaking, life.clock, life.reach)[0]
@@ -358,8 +359,8 @@ def _joins(
     life: CountedLife,
     X: float,
 ) -> bool:
-    """Add contacts to those at a place among the nodes if both count as attached at one
-    place; return whether they do.
+    """Add contacts to those at a place among the nodes if both may count as attached at
+    one place; return whether they were added.
     """
     if place < 0 or n == 0.0:
         return False
@@ -399,7 +400,9 @@ def _keep(
     dt: float,
     more: float,
 ) -> None:
-    """Enter what broke in a step into its panel, where it waits to re-attach."""
+    """Enter the contacts that broke in a step into its panel, where they wait to
+    re-attach.
+    """
     panels = state.panels
     nodes = work.nodes
     delays = case.delays
@@ -432,8 +435,8 @@ def _wait(
     finite: FiniteNumber,
     more: float,
 ) -> None:
-    """Divide what broke in a panel between the delays, and what has a delay from a
-    distribution between its nodes.
+    """Divide the contacts that broke in a panel among the fixed delays and, for the
+    distributed delays, among the panel's Gauss nodes.
     """
     left = more
     rest = 1.0
@@ -467,8 +470,8 @@ def _arrivals(
     before: float,
     now: float,
 ) -> float:
-    """Draw how many contacts re-attach between two times, and take them off those that
-    wait.
+    """Draw how many contacts re-attach between two times, and remove them from those
+    that wait.
     """
     panels = state.panels
     delays = case.delays
@@ -528,8 +531,8 @@ def _attach(
     reattached: float,
     dt: float,
 ) -> float:
-    """Enter what re-attaches in a step at the slider's places on the way; return how
-    many have broken again by its end.
+    """Enter the contacts that re-attach in a step at places of the slider along its
+    path; return how many have broken again by its end.
     """
     cohorts = state.cohorts
     nodes = work.nodes
@@ -591,7 +594,9 @@ def _attach(
 
 @bare
 def _fill_up(state: PanelsState, place: int) -> None:
-    """End the cohorts after a number of places, and empty the rest of the last."""
+    """Set the number of cohorts for a number of places, and empty the rest of the
+    last.
+    """
     state.used.cohorts = (place + Q - 1) // Q
     for i in range(place, Q * state.used.cohorts):
         node = state.cohorts[i // Q, i % Q]
@@ -601,8 +606,8 @@ def _fill_up(state: PanelsState, place: int) -> None:
 
 @bare
 def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
-    """Re-attach all that is detached where the slider is, stretched the way it has
-    moved last.
+    """Re-attach all detached contacts where the slider is, stretched along its last
+    motion.
     """
     motion = state.motion
     newborn = case.newborn
@@ -633,8 +638,8 @@ def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
 
 @bare
 def count_up(state: PanelsState, N: float) -> None:
-    """Sum force, attached fraction and energy from the counts; energy that is no longer
-    stored is lost.
+    """Sum force, attached fraction and energy from the counts; count energy that is no
+    longer stored as lost.
     """
     cohorts = state.cohorts
     motion = state.motion
@@ -656,7 +661,7 @@ def count_up(state: PanelsState, N: float) -> None:
 
 
 def counted(state: PanelsState, case: Case, finite: FiniteNumber) -> PanelsState:
-    """Return a state as `initial_state` makes it with a number of contacts in place
+    """Return a state made by `initial_state` with a finite number of contacts in place
     of fractions of infinitely many.
     """
     delays = case.delays
@@ -708,8 +713,8 @@ def joined(
     finite: FiniteNumber,
     now: float,
 ) -> Record:
-    """Join nodes that lie close to each other and reach nearly as far; none of the
-    contacts is lost.
+    """Join nodes whose contacts attached close together and have nearly the same reach;
+    no contact is lost.
     """
     there = cohorts[:used].ravel()
     there = there[there.count > 0]
@@ -720,7 +725,7 @@ def joined(
         np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
     )
     cell = np.round(alike / (0.3 * finite.grain))
-    if breaking.growth.first != 0.0:  # of one age, or nearly
+    if breaking.growth.first != 0.0:  # join only contacts of nearly the same age
         cell = np.append(
             cell,
             [np.round(20.0 * np.log(np.maximum(now - there.since, 1e-300)))],

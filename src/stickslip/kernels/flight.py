@@ -1,11 +1,11 @@
-"""The slider between two events, as the event engine needs it: quickly, with its turns
-and crossings.
+"""The slider between two events, fast enough for the event engine, with the times at
+which it reverses or crosses a position.
 
-The equation of motion is that of `oscillator`, and so would be its closed form by
-doubling; but that costs 300 ns, as much as five events in all. Nearly all flights are
-short: a Taylor expansion whose coefficients serve position, velocity, energies and
-Newton's method alike does them, six terms for the shortest, and closed forms with
-exponentials the rest. Crossings need derivatives up to the jerk besides.
+The equation of motion is that of `oscillator`, whose closed form by doubling would do,
+but costs 300 ns, as much as five events in all. Nearly all flights are short. A Taylor
+expansion, whose coefficients serve position, velocity, energies and Newton's method
+alike, covers them, with six terms for the shortest; closed forms with exponentials
+cover the rest. Crossings also need derivatives up to the jerk.
 """
 
 import math
@@ -21,8 +21,8 @@ class Flight(NamedTuple):
     """Motion between two events, as displacement ``y(h)`` a time ``h`` after the first.
 
     ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``;
-    ``c2 ... c6`` are the first Taylor coefficients, and do while ``h`` is at most
-    `near` times `NEAREST` over `NEAR`.
+    ``c2 ... c6`` are the first Taylor coefficients, which suffice while ``h`` is at
+    most ``near NEAREST/NEAR``.
     """
 
     eta: float
@@ -42,17 +42,17 @@ class Flight(NamedTuple):
     near: float
 
 
-# (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an
-# error under 1e-14 of the velocity,
+# Largest (eta + w) h, with w of all contacts attached, for which eight Taylor terms
+# leave an error under 1e-14 of the velocity;
 NEAR = 0.06
-NEAREST = 0.012  # up to here, six
-MIDDLE = 0.3  # and up to here, twelve
-# a free oscillation that has decayed by exp of this is less than rounding
+NEAREST = 0.012  # for which six terms do,
+MIDDLE = 0.3  # and for which twelve do
+# a free oscillation that has decayed by a factor of exp of this is below rounding
 _DIED_OUT = 40.0
-_LEGS = 16.0  # flights of more legs than this go through the closed form
+_LEGS = 16.0  # flights of more legs than this use the closed form
 
-# Orders of derivatives; kernels are compiled once for numpy's integers, and for each of
-# Python's constants anew.
+# Orders of derivatives, as numpy's integers: numba compiles a kernel once for them, but
+# anew for each Python constant.
 _ORDERS: Any = np.arange(3)
 _PLACE, _VELOCITY, _ACCELERATION = _ORDERS
 
@@ -77,7 +77,7 @@ def take_off(
         q2 = f2 * inverse
         q1 = (f1 - 2.0 * eta * q2) * inverse
         q0 = (f0 - eta * q1 - 2.0 * q2) * inverse
-    # Each coefficient waits for the one before: as little as may be lies between them.
+    # Each coefficient needs the one before: as few operations as possible lie between.
     c2 = 0.5 * (f0 - eta * v)
     c3 = (f1 * (1.0 / 6.0) - w2 * (1.0 / 6.0) * v) - eta * (1.0 / 3.0) * c2
     c4 = (f2 * (1.0 / 12.0) - w2 * (1.0 / 12.0) * c2) - eta * 0.25 * c3
@@ -104,13 +104,15 @@ def take_off(
 
 @inlined
 def taylor(f: Flight, h: float) -> tuple[float, float]:
-    """Displacement and velocity by the Taylor expansion, within `MIDDLE`."""
+    """Return displacement and velocity by the Taylor expansion, for `h` within
+    `MIDDLE`.
+    """
     tail = 0.0
     slope = 0.0
     if h > f.near * (NEAREST / NEAR):
         tail, slope = _tail(f, h)
     h2 = h * h
-    # Pairs of terms side by side: none waits for another.
+    # Pairs of terms are independent, so that the processor computes them in parallel.
     y = (f.v + h * f.c2) + h2 * ((f.c3 + h * f.c4) + h2 * ((f.c5 + h * f.c6) + tail))
     v = (f.v + h * 2.0 * f.c2) + h2 * (
         (3.0 * f.c3 + h * 4.0 * f.c4) + h2 * ((5.0 * f.c5 + h * 6.0 * f.c6) + slope)
@@ -120,8 +122,8 @@ def taylor(f: Flight, h: float) -> tuple[float, float]:
 
 @inlined
 def _tail(f: Flight, h: float) -> tuple[float, float]:
-    """Terms from the seventh on, of the displacement over ``h^5`` and of the
-    velocity over ``h^4``.
+    """Return the sums of the terms from the seventh on: of the displacement over
+    ``h^5`` and of the velocity over ``h^4``.
     """
     c6 = f.c6
     c7 = -(f.w2 * (1.0 / 42.0)) * f.c5 - f.eta * (1.0 / 7.0) * c6
@@ -140,8 +142,8 @@ def _tail(f: Flight, h: float) -> tuple[float, float]:
 
 @inlined
 def _free(f: Flight, h: float) -> tuple[float, float]:
-    """Responses of the free oscillator at `h` to a unit displacement and to a unit
-    velocity.
+    """Return the responses of the free oscillator at `h` to a unit displacement and to
+    a unit velocity.
     """
     g = 0.5 * f.eta
     d = g * g - f.w2
@@ -165,7 +167,7 @@ def _free(f: Flight, h: float) -> tuple[float, float]:
 
 @inlined
 def far(f: Flight, h: float) -> tuple[float, float]:
-    """Displacement and velocity by the closed form."""
+    """Return displacement and velocity by the closed form."""
     c, s = _free(f, h)
     y = f.q0 + f.q1 * h + f.q2 * h * h + f.y0 * c + f.v0 * s
     v = f.q1 + 2.0 * f.q2 * h + f.v0 * c + 2.0 * (f.c2 - f.q2) * s
@@ -174,13 +176,13 @@ def far(f: Flight, h: float) -> tuple[float, float]:
 
 @inlined
 def at(f: Flight, h: float) -> tuple[float, float]:
-    """Displacement and velocity a time `h` into the flight."""
+    """Return displacement and velocity a time `h` into the flight."""
     return taylor(f, h) if h <= f.near * (MIDDLE / NEAR) else far(f, h)
 
 
 @bare
 def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
-    """Displacement, velocity, acceleration or jerk (order 0 to 3), and the next
+    """Return displacement, velocity, acceleration or jerk (order 0 to 3) and the next
     derivative, by the closed form.
     """
     v = f.v0
@@ -195,8 +197,8 @@ def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
         j = rate - f.eta * a
         k = -f.eta * j
     elif f.w2 < 0.5 * g * g:
-        # Two modes, far apart. Derivatives of their sum would lose the slow one in the
-        # rounding of the fast one.
+        # Two modes with very different rates. Derivatives of their sum would lose the
+        # slow one in the rounding of the fast one.
         b = math.sqrt(g * g - f.w2)
         fast = g + b
         slow = f.w2 / (g + b)
@@ -225,8 +227,8 @@ def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
 
 @bare
 def _start(f: Flight, order: int) -> float:
-    """Velocity, acceleration or jerk (order 1 to 3) just after the start: where it
-    is 0, the first that is not.
+    """Return a number with the sign of the velocity, acceleration or jerk (order 1 to
+    3) just after the start: if that is 0, the next derivative that is not.
     """
     if order == 1 and f.v != 0.0:
         return f.v
@@ -243,8 +245,8 @@ def _root(
     low: float,
     high: float,
 ) -> float:
-    """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept
-    inside by bisection.
+    """Return where a derivative that is monotone from `low` to `high` takes a value, by
+    Newton's method kept inside by bisection.
     """
     rising = derivative(f, order, high)[0] > derivative(f, order, low)[0]
     h = 0.5 * (low + high)
@@ -273,8 +275,8 @@ def _cut(
     cuts: Floats,
     count: int,
 ) -> int:
-    """Cut parts on which a derivative is monotone where it vanishes; their number
-    then.
+    """Cut parts at the zeros of a derivative that is monotone on each; return the new
+    number of cuts.
     """
     i = 0
     left = _start(f, order)
@@ -295,8 +297,8 @@ def _cut(
 
 @bare
 def heading(f: Flight) -> float:
-    """Direction of the slider just after the start: a number of its sign, 0 if it
-    stays.
+    """Return the direction of the slider just after the start, as a number of its sign;
+    0 if it stays.
     """
     return _start(f, _VELOCITY)
 
@@ -308,15 +310,15 @@ def _parts(
     lowest: int,
     cuts: Floats,
 ) -> int:
-    """Cut a flight where derivatives down to the `lowest` vanish, the jerk first; how
-    many cuts there are.
+    """Cut a flight where derivatives down to the `lowest` vanish, the jerk first;
+    return how many cuts there are.
 
-    A vanishing derivative shows by its signs at the two ends of a part. They are right
-    only while the free oscillation is more than rounding, hence a first cut where it
-    has decayed: beyond, the motion is a parabola.
+    A zero of a derivative shows in its signs at the two ends of a part. These are right
+    only while the free oscillation exceeds rounding, hence a first cut where it has
+    decayed: after that, the motion is a parabola.
     """
     g2 = f.w2 - 0.25 * f.eta * f.eta
-    # of the slowest part
+    # the decay rate of the slowest mode
     decay = 0.5 * f.eta
     if not g2 > 0.0 and f.w2 > 0.0:
         decay = f.w2 / (decay + math.sqrt(-g2))
@@ -334,8 +336,8 @@ def _parts(
 
 @bare
 def first_turn(f: Flight, most: float, cuts: Floats) -> float:
-    """First time up to `most`, within what `first_crossing` has searched, at which
-    the slider stops, or infinity.
+    """Return the first time up to `most`, within the interval that `first_crossing` has
+    searched, at which the slider stops; infinity if it does not.
     """
     if f.near == math.inf:  # rigid motion
         return math.inf
@@ -359,12 +361,13 @@ def first_crossing(
     most: float,
     cuts: Floats,
 ) -> tuple[float, int]:
-    """First time up to `most` at which the displacement reaches `to_ahead` or
-    `-to_behind`, and which: 1 or -1.
+    """Return the first time up to `most` at which the displacement reaches `to_ahead`
+    or `-to_behind`, and which: 1 or -1.
 
-    With neither, the end of the stretch that was searched and 0: `most` or, if sooner,
-    a quarter of a period, in which the jerk, being a free oscillation, vanishes at most
-    once. On each of its parts the displacement is monotone and no crossing can hide.
+    If it reaches neither, return the end of the interval that was searched, and 0. That
+    end is `most` or, if sooner, a quarter of a period, in which the jerk, being a free
+    oscillation, vanishes at most once. On each part the displacement is monotone, so
+    that no crossing is missed.
     """
     distance = to_ahead if f.v > 0 else to_behind
     if f.near == math.inf:  # rigid motion
@@ -374,8 +377,8 @@ def first_crossing(
     g2 = f.w2 - 0.25 * f.eta * f.eta
     if g2 > 0.0:
         most = min(most, 0.5 * math.pi / math.sqrt(g2))
-    # most often the crossing comes soon: a short stretch has no turns and needs no
-    # roots
+    # most often the crossing comes soon: in a short interval there are no reversals and
+    # no roots to find
     if f.v != 0.0:
         most = min(most, 4.0 * distance / abs(f.v))
     for i in range(_parts(f, most, _VELOCITY, cuts) - 1):
@@ -406,11 +409,11 @@ def out_of_reach(
     to_behind: float,
     most: float,
 ) -> float:
-    """Time up to `most` in which the slider cannot reach either side, however it
-    oscillates; 0 if that is short.
+    """Return a time, up to `most`, in which the slider cannot reach either side,
+    however it oscillates; 0 if that time is short.
 
-    A light slider that sticks oscillates a thousand times while the spring is loaded:
-    none of its turns matters.
+    A light slider that sticks oscillates a thousand times while the spring is loaded,
+    and none of these oscillations matters.
     """
     g = 0.5 * f.eta
     d = f.w2 - g * g
@@ -438,11 +441,11 @@ def soon(
 ) -> tuple[float, float, float, int, bool]:
     """Try the common case: a short flight at nearly constant velocity.
 
-    Returns the time to travel the signed `distance`, or at most `most` of it; the
+    Returns the time to travel the signed `distance`, or `most` if that is shorter; the
     displacement and the velocity then; 1 if the distance is reached and 0 if not; and
     whether the case applies: the velocity keeps at least half its value, and the flight
-    lasts no longer than a few times what the Taylor expansion can do. A flight longer
-    than the expansion reaches is flown in legs.
+    lasts at most a few times as long as the Taylor expansion is valid. A flight longer
+    than the expansion allows is divided into legs.
     """
     slowness = 1.0 / f.v
     h = distance * slowness
@@ -461,14 +464,14 @@ def soon(
         if abs(y) < abs(distance):
             return most, y, v, 0, True
     bend = f.c2 * h * slowness
-    # the series, inverted
+    # invert the series
     h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h * slowness
     v = f.v
-    for _ in range(6):  # Newton; from a guess this good one turn does, mostly
+    for _ in range(6):  # Newton's method: after this guess one turn mostly suffices
         y, v = taylor(f, h)
         step = (distance - y) / v
         h += step
-        if abs(step) <= 1e-6 * h:  # the next would be less than its square
+        if abs(step) <= 1e-6 * h:  # the next step would be of the order of its square
             v += step * (2.0 * f.c2 + 6.0 * f.c3 * h)
             break
     return min(max(h, 0.0), most), distance, v, 1, True
@@ -485,8 +488,8 @@ def energies(
     drive_v: float,
     drive_a: float,
 ) -> tuple[float, float]:
-    """Work of the drive and integral of the squared velocity over a time `h`, in closed
-    form.
+    """Return the work of the drive and the integral of the squared velocity over a time
+    `h`, in closed form.
 
     `force` is the spring force at the start; without a spring `drive_v` is its rate,
     and `drive_a` 0. The free oscillation ``u`` obeys
@@ -537,8 +540,8 @@ def _short_energies(
     drive_v: float,
     drive_a: float,
 ) -> tuple[float, float]:
-    """`energies` of the shortest flights, by the Taylor expansion: closed forms
-    would subtract large numbers.
+    """Return the `energies` of the shortest flights by the Taylor expansion: closed
+    forms would subtract large numbers.
     """
     h2 = h * h
     a = 2.0 * f.c2
@@ -566,7 +569,7 @@ def _short_energies(
             + h2 * h * K * (0.5 * drive_v + 0.125 * drive_a * h)
             - K * moment
         )
-    # The velocity is v + w, and the integral of w^2 begins with the cube of h.
+    # The velocity is v + w, and the series of the integral of w^2 begins with h^3.
     squares = f.v * (2.0 * y - f.v * h)
     d = (b * c + 5.0 * a * f.c5) * (1.0 / 3.0)
     squares += (

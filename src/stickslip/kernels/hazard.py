@@ -1,4 +1,4 @@
-"""Rates at which heat breaks contacts, and thresholds that grow with age by a fixed
+"""Rates of thermally activated breaking, and thresholds that grow with age by a fixed
 rule.
 """
 
@@ -13,18 +13,18 @@ from .records import Floats
 BELL, PARABOLIC, BARRIER = range(3)
 
 TOP = 1e-9
-"""Nearest to the top of a barrier, over the threshold: there the slope of Kramers'
-prefactor grows beyond bounds.
+"""Smallest distance to the top of a barrier, over the threshold: there the slope of
+Kramers' prefactor diverges.
 """
 
 
 class Hazard(NamedTuple):
-    """Kind of barrier, attempt rate, and its numbers.
+    """Kind of barrier, attempt rate, and its parameters.
 
     `BELL`: `width` is the activation width; `PARABOLIC`: the temperature. `BARRIER` has
     a `height` over the temperature, a `power`, and `kramers`: 1 for Kramers' prefactor,
-    else 0. Only the functions of this file ask for the kind: another barrier is one
-    more case of each.
+    else 0. Only the functions of this file depend on the kind: another barrier adds one
+    case to each.
     """
 
     kind: int
@@ -35,21 +35,21 @@ class Hazard(NamedTuple):
     kramers: float
 
 
-NONE = Hazard(BELL, 0.0, 1.0, 1.0, 1.0, 0.0)  # no temperature: it is never tried
+NONE = Hazard(BELL, 0.0, 1.0, 1.0, 1.0, 0.0)  # no temperature: no attempts
 
 
 @inlined
 def is_exponential(hazard: Hazard) -> bool:
-    """Whether contacts break at rates that differ by a constant factor, whatever their
-    stretching: Bell's rate.
+    """Return whether the rates of two contacts differ by a factor that does not depend
+    on their common stretching: Bell's rate.
     """
     return hazard.kind == BELL and hazard.attempts > 0.0
 
 
 @inlined
 def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, float]:
-    """Logarithm of the rate over the attempts; its derivatives in the stretching
-    ``x >= 0`` and in the threshold.
+    """Return the logarithm of the rate over the attempt rate, and its derivatives in
+    the stretching ``x >= 0`` and in the threshold.
     """
     width = hazard.width
     if hazard.kind == BELL:
@@ -60,7 +60,7 @@ def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, 
     left = max(1.0 - x / threshold, TOP)
     p = hazard.power
     log_left = math.log(left)
-    height = hazard.height * math.exp(p * log_left)  # half the time of a power
+    height = hazard.height * math.exp(p * log_left)  # twice as fast as `**`
     exponent = -height
     along = p * height / (left * threshold)
     if hazard.kramers != 0.0 and p > 1.0:
@@ -71,19 +71,19 @@ def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, 
 
 @inlined
 def rate(hazard: Hazard, x: float, threshold: float) -> float:
-    """Rate at which a contact breaks that is stretched by ``x`` of either sign,
-    within its threshold.
+    """Return the rate at which a contact breaks whose stretching ``x``, of either sign,
+    is within its threshold.
     """
     return hazard.attempts * math.exp(log_rate(hazard, abs(x), threshold)[0])
 
 
 @inlined
 def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
-    """Largest rate of contacts stretched by no more than ``x`` on thresholds of at
-    least `threshold`.
+    """Return the largest rate of contacts stretched by no more than ``x`` with
+    thresholds of at least `threshold`.
     """
     exponent, along, _ = log_rate(hazard, x, threshold)
-    # with Kramers' prefactor the rate falls again on the last bit of the way
+    # with Kramers' prefactor the rate falls again just below the threshold
     if along < 0.0:
         part = (hazard.power - 1.0) / (hazard.power * hazard.height)
         top = part ** (1.0 / hazard.power)
@@ -93,7 +93,7 @@ def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
 
 @inlined
 def height(hazard: Hazard, x: float, threshold: float) -> float:
-    """Height of the barrier that is left, over the temperature, of a contact
+    """Return the remaining height of the barrier, over the temperature, of a contact
     stretched by ``x >= 0``.
     """
     if hazard.kind == BELL:
@@ -106,8 +106,8 @@ def height(hazard: Hazard, x: float, threshold: float) -> float:
 
 @inlined
 def stretching_at(hazard: Hazard, height: float, threshold: float) -> float:
-    """Stretching at which a `height` of the barrier is left; below 0 if it is never as
-    high.
+    """Return the stretching at which the barrier has this `height` left; below 0 if it
+    is never so high.
     """
     if hazard.kind == BELL:
         return threshold - hazard.width * height
@@ -119,8 +119,8 @@ def stretching_at(hazard: Hazard, height: float, threshold: float) -> float:
 
 @inlined
 def steepest(hazard: Hazard, x: float, threshold: float) -> float:
-    """Bound on the slope of the logarithm of the rate in the stretching up to ``x``,
-    on thresholds of at least `threshold`.
+    """Return a bound on the slope of the logarithm of the rate in the stretching, up to
+    ``x``, for thresholds of at least `threshold`.
     """
     if hazard.kind == BELL:
         return 1.0 / hazard.width
@@ -137,11 +137,11 @@ def longest_fold(
     end: float,
     threshold: float,
 ) -> float:
-    """Bound on the distance in which the rate grows by a number of `folds` (powers of
-    e), where its logarithm is no straight line; infinite for Bell's.
+    """Return a bound on the distance in which the rate grows by a number of `folds`
+    (powers of e) where its logarithm is not linear; infinite for Bell's rate.
 
-    From a stretching ``x`` on the way to where it meets its threshold, at `end`; now it
-    is `threshold`.
+    The contact is stretched by ``x`` and meets its threshold at `end`; its present
+    threshold is `threshold`.
     """
     if hazard.kind == BELL:
         return math.inf
@@ -154,14 +154,16 @@ def longest_fold(
 
 
 def taken_off(hazard: Hazard, x: Floats) -> tuple[Floats, Floats]:
-    """What a stretching takes off a barrier, in units of its width: its slope, and
-    itself.
+    """Return by how much a stretching lowers a barrier, in units of its width: the
+    slope, and the amount itself.
     """
     return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
 
 
 def stretching_with(hazard: Hazard, taken: Floats, least: Floats) -> Floats:
-    """Stretching that takes so much off a barrier; the least one where that is none."""
+    """Return the stretching that lowers a barrier by an amount; `least` where that is
+    0 or less.
+    """
     if hazard.kind != PARABOLIC:
         return taken
     return np.sqrt(np.maximum(2.0 * taken, least**2))
@@ -169,10 +171,11 @@ def stretching_with(hazard: Hazard, taken: Floats, least: Floats) -> Floats:
 
 EXPONENTIAL, LOGARITHMIC, TABULATED = range(3)
 LOG_AGE, LOG_FACTOR, POWER, LOWEST = range(4)
-"""Rows of a table of growth, by node: logarithms of the age and of the factor there,
-the slope of the second in the first, and the lowest factor of all later nodes.
+"""Rows of a table of growth, one column per node: the logarithm of the age, that of the
+factor there, the slope of the second in the first, and the lowest factor of all later
+nodes.
 """
-_AT_NODE = 1e-9  # of an age: nearer to a node than that is beyond it
+_AT_NODE = 1e-9  # fraction of an age within which a node counts as passed
 _NO_TABLE = np.empty((4, 0))
 
 
@@ -197,10 +200,10 @@ FIXED = Growth(LOGARITHMIC, 0.0, 1.0)  # thresholds that do not grow
 
 @inlined
 def _node_before(table: Floats, log_age: float) -> int:
-    """Last node of a table that is no older; -1 if all are."""
+    """Return the last node of a table that is not older than an age; -1 if all are."""
     low = -1
     high = table.shape[1]
-    # ends: the middle lies between the two, of which one goes there
+    # ends: the interval between the two is halved in each turn
     while high - low > 1:
         middle = (low + high) // 2
         if table[LOG_AGE, middle] <= log_age:
@@ -212,8 +215,8 @@ def _node_before(table: Floats, log_age: float) -> int:
 
 @bare
 def _factor(growth: Growth, age: float) -> tuple[float, float]:
-    """Factor of a tabulated threshold at an age, and its slope: a cubic between two
-    nodes, with their values and slopes.
+    """Return the factor of a tabulated threshold at an age, and its slope, from the
+    cubic between two nodes that has their values and slopes.
     """
     table = growth.table
     if age <= growth.second:
@@ -237,7 +240,7 @@ def _factor(growth: Growth, age: float) -> tuple[float, float]:
 
 @bare
 def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
-    """Factor and addend of a growing threshold,
+    """Return factor and addend of a growing threshold,
     ``f(age) = strength factor + addend``, and the slopes of the two.
     """
     if growth.kind == EXPONENTIAL:
@@ -264,20 +267,20 @@ def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
 
 @inlined
 def threshold_at(growth: Growth, strength: float, age: float) -> float:
-    """Threshold of a contact of this strength and age."""
+    """Return the threshold of a contact of this strength and age."""
     factor, addend, _, _ = grown(growth, age)
     return float(strength * factor + addend)
 
 
 @inlined
 def growing_time(growth: Growth) -> float:
-    """Time of the growth of newborns, which is not none."""
+    """Return the time scale on which the thresholds of newborns grow; above 0."""
     return 1.0 / growth.first if growth.kind == EXPONENTIAL else growth.second
 
 
 def is_separable(hazard: Hazard, growth: Growth) -> bool:
-    """Whether the rate of a contact that grows is one of its stretching and age times
-    one of its strength.
+    """Return whether the breaking rate is a function of stretching and age times a
+    function of strength.
     """
     if hazard.kind == PARABOLIC:
         return growth.kind == LOGARITHMIC and growth.first == 0.0
@@ -286,8 +289,8 @@ def is_separable(hazard: Hazard, growth: Growth) -> bool:
 
 @inlined
 def ageing_time(growth: Growth, age: float) -> float:
-    """Time in which a threshold does not grow much more; by a table it only rises, or
-    only sinks, meanwhile.
+    """Return a time in which a threshold grows little; with a table, one in which it
+    only rises or only falls.
     """
     if growth.kind == EXPONENTIAL:
         return 0.25 / growth.first
@@ -309,7 +312,7 @@ def sinks(
     age: float,
     threshold: float,
 ) -> bool:
-    """Whether a threshold that is known at this age is lower at a later one."""
+    """Return whether a threshold, known at this age, will be lower at a later age."""
     if growth.kind == EXPONENTIAL:
         return threshold > strength
     if growth.kind != TABULATED or age >= growth.first * (1.0 - _AT_NODE):

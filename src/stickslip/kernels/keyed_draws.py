@@ -1,9 +1,11 @@
-"""Random numbers that belong to a contact and a life of it, whenever they are drawn.
+"""Random numbers that are a function of a contact and the number of its life, whatever
+the order in which they are drawn.
 
 Uniform numbers are those of Threefry-2x32 with 20 rounds (Salmon et al., "Parallel
-random numbers: as easy as 1, 2, 3", SC 2011): a hash of a key and a counter in sums,
-turns and exclusive ors of 32 bits, which 64 hold, so that plain Python counts alike.
-What is drawn follows through a table of its quantiles.
+random numbers: as easy as 1, 2, 3", SC 2011): it hashes a key and a counter by sums,
+rotations and exclusive ors of 32-bit words. The words are kept in 64 bits, so that
+plain Python computes the same numbers. Other distributions follow through a table of
+their quantiles.
 """
 
 from collections.abc import Callable
@@ -23,17 +25,19 @@ _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 
 _FIT = np.linalg.inv(np.vander(_NODE, increasing=True))
 _CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(_DEGREE) + 1.0) / (_DEGREE + 1)))
 _AT_CHECK = np.vander(_CHECK, _DEGREE + 1, increasing=True).T
-# of the size of the value, and how often a piece is halved for it
+# the largest error over the size of the value, and how often a piece is halved for it
 _TOLERANCE, _HALVED = 1e-13, 7
-_NARROW = 1e-14  # width of a piece in which probabilities are rounded
+_NARROW = 1e-14  # pieces narrower than this are lost in the rounding of probabilities
 _LAST = 1.0 - 2.0**-53
 
 
 class Quantiles(NamedTuple):
-    """Values exceeded with a probability, of several kinds: polynomials on pieces.
+    """Quantiles of several distributions ("kinds"): polynomials on pieces of the
+    probability.
 
-    The pieces of kind ``j`` are those from ``first[j]`` on to ``first[j + 1]``, `edges`
-    their left ends, `pieces` one over their width and coefficients, shape (n, 9).
+    The pieces of kind ``j`` are those from ``first[j]`` to ``first[j + 1]``. `edges`
+    are their left ends; a row of `pieces`, shape (n, 9), holds one over the width and
+    the coefficients.
     """
 
     first: Counts
@@ -42,8 +46,9 @@ class Quantiles(NamedTuple):
 
 
 class Portion(NamedTuple):
-    """A distribution that has a portion of the probability: a value exceeded with the
-    probability `p` of its own, and those probabilities where it has a jump or a bend.
+    """One distribution of a mixture: its `weight`, its `value` as a function of the
+    probability `p` with which it is exceeded, and the probabilities at which that
+    function jumps or bends.
     """
 
     weight: float
@@ -52,7 +57,7 @@ class Portion(NamedTuple):
 
 
 def tabulate_quantiles(kinds: list[list[Portion]]) -> Quantiles:
-    """Tabulate mixtures of distributions, one of each kind."""
+    """Tabulate mixtures of distributions, one for each kind."""
     octaves = 0.5 ** np.arange(1, 53)
     ends = np.concatenate([[0.0, 1.0], octaves, 1.0 - octaves])
     first = [0]
@@ -73,7 +78,7 @@ def tabulate_quantiles(kinds: list[list[Portion]]) -> Quantiles:
 def _tabulated(
     value: Callable[[Floats], Floats], ends: Floats
 ) -> tuple[Floats, Floats]:
-    """Left ends of pieces between these ends, or of their halves, and the pieces."""
+    """Return the left ends of the pieces, halved where needed, and the pieces."""
     left = ends[:-1]
     right = ends[1:]
     done = list[tuple[Floats, Floats]]()
@@ -81,7 +86,7 @@ def _tabulated(
     for turn in range(_HALVED + 1):
         width = (right - left)[:, None]
         values = value(np.minimum(left[:, None] + width * _NODE, _LAST))
-        still = np.ptp(values, axis=1) == 0.0  # infinite values, too
+        still = np.ptp(values, axis=1) == 0.0  # constant, also where it is infinite
         fitted = np.zeros_like(values)
         fitted[still, 0] = values[still, 0]
         fitted[~still] = values[~still] @ _FIT.T
@@ -105,7 +110,7 @@ def _tabulated(
 
 @bare
 def quantile(table: Quantiles, kind: int, p: float) -> float:
-    """Value of a kind that is exceeded with the probability `p`."""
+    """Return the value of a kind that is exceeded with the probability `p`."""
     low = table.first[kind]
     high = table.first[kind + 1]
     # ends: the pieces looked at become half as many in each turn
@@ -124,7 +129,7 @@ def quantile(table: Quantiles, kind: int, p: float) -> float:
 
 @bare
 def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
-    """Hash a counter of two words of 32 bits to two others."""
+    """Hash a counter of two 32-bit words to two other words."""
     low, high = key
     third = _PARITY ^ low ^ high
     a = (counter[0] + low) & _WORD
@@ -141,6 +146,6 @@ def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
 
 @inlined
 def uniform(key: tuple[int, int], counter: tuple[int, int]) -> float:
-    """Uniform number of 53 bits, above 0 and below 1."""
+    """Return a uniform number of 53 bits, above 0 and below 1."""
     a, b = threefry(key, counter)
     return float(((a << 20) | (b >> 12)) + 0.5) * 2.0**-52

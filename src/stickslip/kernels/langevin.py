@@ -8,8 +8,8 @@ follows
 
 with ``rate`` the paper's beta, ``mean`` its f_s and ``std`` its delta f_s. A contact
 breaks when its stretching ``|x|`` first meets its threshold ``f``; it re-attaches at
-``x = 0`` with the threshold ``newborn``. Its *rupture margin* ``y = f - |x|`` is what
-is left until it breaks.
+``x = 0`` with the threshold ``newborn``. Its *rupture margin* ``y = f - |x|`` is the
+distance that is left until it breaks.
 
 With ``newborn = 0`` a contact attaches on its own breaking boundary. It then breaks and
 re-attaches infinitely often before it leaves the boundary for good, as Brownian motion
@@ -38,7 +38,7 @@ class Langevin(NamedTuple):
 
 
 class Life(NamedTuple):
-    """Lives at constant velocity, in the units of the ageing: all that they depend on.
+    """Everything that lives at constant velocity depend on, in the units of the ageing.
 
     ``u = velocity/(rate^2 mean)``, above 0; ``delta = std/mean``, above 0; `newborn` in
     units of the mean threshold.
@@ -51,7 +51,7 @@ class Life(NamedTuple):
 
 @jit
 def life_at(velocity: float, langevin: Langevin) -> Life:
-    """Lives at a constant velocity."""
+    """Return the parameters of lives at a constant velocity."""
     time = 1.0 / (langevin.rate * langevin.rate)
     mean = langevin.mean
     return Life(
@@ -63,8 +63,8 @@ def life_at(velocity: float, langevin: Langevin) -> Life:
 
 @jit
 def graded_nodes(end: float, cells: int, first: float) -> Floats:
-    """Nodes from 0 to `end`, spacing `first` at 0 and growing as a sinh; uniform
-    where that is finer.
+    """Return nodes from 0 to `end`, with the spacing `first` at 0 and growing as a
+    sinh; uniform nodes if these are finer.
     """
     nodes = np.linspace(0.0, end, cells + 1)
     if first < 0.999 * end / cells:
@@ -83,8 +83,8 @@ def graded_nodes(end: float, cells: int, first: float) -> Floats:
 
 @jit
 def margin_nodes(life: Life, cells: int) -> Floats:
-    """Nodes of the margin in units of the standard deviation, from the boundary to
-    where the density is below 1e-15.
+    """Return nodes of the margin in units of the standard deviation, from the boundary
+    to where the density is below 1e-15.
 
     The drift of the margin of a newborn is ``c = (1-u)/delta``, in the potential
     ``z^2/2 - c z``.
@@ -92,13 +92,14 @@ def margin_nodes(life: Life, cells: int) -> Floats:
     c = (1.0 - life.u) / life.delta
     end = c + np.sqrt((c * c if c < 0.0 else 0.0) + 72.0)
     end = max(end, life.newborn / life.delta + 8.5)
-    layer = 1.0 / max(1.0, abs(c))  # the boundary layer of the drift against the noise
+    layer = 1.0 / max(1.0, abs(c))  # thickness of the layer where drift balances noise
     return graded_nodes(end, cells, 5.0 * layer / cells)
 
 
 @jit
 def longest_age(life: Life) -> float:
-    """Age in units of 1/rate^2 beyond which survivors are fewer than exp(-30).
+    """Return the age, in units of 1/rate^2, beyond which survivors are fewer than
+    exp(-30).
 
     Where the drift ``c(a)`` of the margin is negative, survivors decay at least as
     exp(-int c^2/4 da).
@@ -111,14 +112,14 @@ def longest_age(life: Life) -> float:
         if c < 0.0
         else c / r + (360.0 / r**2) ** (1.0 / 3.0)
     )
-    # the way down to the boundary, were there no noise
+    # the time in which the drift alone would bring a newborn to the boundary
     return float(end + min(np.sqrt(2.0 * z / r), z / max(-c, 1e-9)))
 
 
 @jit
 def bernoulli(z: float) -> float:
-    """Bernoulli function ``z / (exp(z) - 1)``: exponentially fitted fluxes of drift
-    and diffusion between cells.
+    """Return the Bernoulli function ``z / (exp(z) - 1)``, which gives exponentially
+    fitted fluxes of drift and diffusion between cells.
     """
     if abs(z) < 1e-3:
         return 1.0 - 0.5 * z + z * z / 12.0
@@ -134,12 +135,12 @@ def margin_rates(
     up: Floats,
     down: Floats,
 ) -> None:
-    """Rates between the nodes of the margin: drift ``c - z``, diffusion 1, out at
-    ``z = 0``.
+    """Fill the rates between the nodes of the margin: drift ``c - z``, diffusion 1,
+    absorption at ``z = 0``.
 
     Scharfetter-Gummel: positive, conservative, and the stationary Gaussian of Eq. (17)
-    is its exact fixed point up to the second order of the cells. ``up[i]`` leads from
-    node i to i+1, ``down[i]`` to i-1; node 0 absorbs.
+    is its exact fixed point up to the second order of the cells. ``up[i]`` is the rate
+    from node i to i+1, ``down[i]`` to i-1; node 0 absorbs.
     """
     m = z.size - 1
     for i in range(m):

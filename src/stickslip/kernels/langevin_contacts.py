@@ -1,7 +1,7 @@
-"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time,
-under a slider; see `langevin`.
+"""N contacts under a slider whose thresholds age by a Langevin equation, sampled in
+time steps; see `langevin`.
 
-At a temperature they break before they meet their thresholds, too.
+At a temperature, contacts also break before they meet their thresholds.
 """
 
 import math
@@ -32,63 +32,63 @@ from .time_steps import (
 # forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
-# Breaks of a contact, or steps of its own, in one step of all. Newborns of a millionth
-# of the threshold break some ten thousand times.
+# Most breaks of a contact, or steps of its own, in one common step. Newborns of a
+# millionth of the threshold break some ten thousand times.
 _MOST_TURNS = 10_000_000
-_TURNS_TOLD = (
+_TOO_MANY_BREAKS = (
     "Contacts: a contact breaks more than 10,000,000 times in one step; give "
-    "Langevin.newborn = 0, or stronger ones"
+    "Langevin.newborn = 0 or a larger one"
 )
-# A contact sleeps while the slider goes a third of its margin, and for this fraction of
-# margin^2/noise: the other two thirds are then four standard deviations of its
-# threshold.
+# A contact sleeps until the slider has moved by a third of its margin, or for this
+# fraction of margin^2/noise: in that time the other two thirds are four standard
+# deviations of its threshold.
 SLEEP = (2.0 / 3.0 / 4.0) ** 2
 
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.7
 
-# change of the logarithm of the rate in a step of a contact near breaking, and its
-# standard deviation
+# largest change of the logarithm of the rate in a step of a contact near breaking, and
+# largest standard deviation of that logarithm
 FINE = 0.5
-_SELDOM = 1e-6  # breaks that may be expected in a step that is not as fine
+_SELDOM = 1e-6  # a step in which fewer breaks are expected may exceed `FINE`
 
 
 class AgeingContacts(NamedTuple):
-    """Contacts one by one; those far from breaking sleep and are not updated until a
+    """Contacts one by one; contacts far from breaking sleep and are not updated until a
     set time.
     """
 
     stretching: Floats  # shape (N,): less the position of the slider
     threshold: Floats
-    attach: Floats  # when they begin to hold; -inf for attached ones
-    seen: Floats  # the threshold is that of this time
-    until: Floats  # looked at from this time on,
+    attach: Floats  # when they attach; -inf for attached contacts
+    seen: Floats  # the time at which `threshold` was computed
+    until: Floats  # they are updated from this time on,
     room: Floats  # shape (N, 2): or once the slider leaves this range
-    total: Floats  # shape (1,): sum of the stretchings of those attached
+    total: Floats  # shape (1,): sum of the stretchings of attached contacts
 
 
 class _Step(NamedTuple):
-    """Numbers of a step of length `dt` that all contacts share."""
+    """Numbers of a step of length `dt` that are the same for all contacts."""
 
     dt: float
     v: float
     drift: float  # of a margin near the boundary
-    noise: float  # square of its noise, ``<dy^2>/dt``
-    decay: float  # of the thresholds towards their mean
+    noise: float  # noise strength of the margin, ``<dy^2>/dt``
+    decay: float  # factor by which deviations of thresholds from their mean decay
     sigma: float
     # of the bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian
     # motion
     variance: float
-    certain: float  # a margin below it is gone by the end whatever happens
-    # so many lifetimes in a step that the moment of the first break in it does not
-    # matter
+    certain: float  # a margin below this meets 0 by the end of the step for certain
+    # whether there are so many lifetimes in a step that the moment of the first break
+    # does not matter
     forgotten: bool
-    young: bool  # thresholds near the boundary are driven towards it
+    young: bool  # whether thresholds near the boundary are driven towards it
 
 
 @jit
 def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> float:
-    """Inverse Gaussian number of mean `mu` (may be huge) and given shape, after
+    """Draw an inverse Gaussian number of given mean `mu` (may be huge) and shape, after
     Michael, Schucany and Haas.
     """
     z = rng.standard_normal()
@@ -106,11 +106,11 @@ def crossing(
     variance: float,
     rng: np.random.Generator,
 ) -> float:
-    """Fraction of a step after which a Brownian bridge of the margin first meets zero,
-    given that it does.
+    """Draw the fraction of a step after which a Brownian bridge of the margin first
+    meets zero, given that it does.
 
     The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first
-    passage is inverse Gaussian.
+    passage time is inverse Gaussian.
     """
     if start <= 0.0:
         return 0.0
@@ -130,15 +130,15 @@ def reflected(
     time: float,
     rng: np.random.Generator,
 ) -> tuple[float, float]:
-    """Margin, after a time, of a contact that re-attaches on its boundary whenever it
-    meets it; and its age.
+    """Draw the margin, after a time, of a contact that re-attaches on its boundary
+    whenever it meets it; return it and the contact's age.
 
-    The margin is a Brownian motion with drift, reflected at 0: free motion less its
-    running minimum where that is below 0, sampled exactly by the distribution of the
-    minimum of a bridge, so that a step may hold any number of breaks. The time since
-    the last visit to 0 is the time since the minimum; of it the mean is taken, given
-    all else: the forces need no more, and two passage times (before the minimum and
-    after it) divide the step in proportion to their depths. The age is -1 where the
+    The margin is a Brownian motion with drift, reflected at 0: free motion minus its
+    running minimum where that is below 0. It is sampled exactly, by the distribution of
+    the minimum of a bridge, so that a step may contain any number of breaks. The time
+    since the last visit to 0 is the time since the minimum. Its mean is returned, given
+    the margin: the forces need no more, and the two passage times (before the minimum
+    and after it) divide the step in proportion to their depths. The age is -1 if the
     contact has not broken.
     """
     variance = noise * time
@@ -148,7 +148,7 @@ def reflected(
             return free, time if start == 0.0 else -1.0
         return 0.0, 0.0
     if start == 0.0 and drift < 0.0 and drift * drift * time > FORGOTTEN * noise:
-        # Stationary: the minimum over an endless past, and the first passage backwards
+        # Stationary: the minimum of an endless past, and the first passage backwards
         # from the margin to it.
         margin = -0.5 * noise / drift * rng.standard_exponential()
         return margin, -margin / drift
@@ -169,13 +169,13 @@ def _drift(
     speed: float,
     time: float,
 ) -> float:
-    """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near
-    the boundary.
+    """Return the constant drift of the margin that replaces
+    ``rate^2 (mean - f) - speed`` near the boundary.
 
-    The threshold ``f`` of a contact near its boundary is small, not 0. Long after the
-    last memory (relaxation time noise/drift^2) its effect on the force is that of 2.25
-    mean margins and 2.8 mean stretchings, the first order of the stationary kinetic
-    equation at large speed; after a short time it is that of the growth so far.
+    The threshold ``f`` of a contact near its boundary is small, not 0. At times much
+    longer than the relaxation time noise/drift^2 its effect on the force is that of
+    2.25 mean margins and 2.8 mean stretchings, the first order of the stationary
+    kinetic equation at large speed; after a short time it is that of the growth so far.
     """
     square = langevin.rate * langevin.rate
     drift = square * langevin.mean - speed
@@ -192,7 +192,7 @@ def _drift(
 
 @jit
 def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
-    """Numbers of a step that do not depend on the contact."""
+    """Return the numbers of a step that do not depend on the contact."""
     mean = langevin.mean
     std = langevin.std
     dt = stroke.dt
@@ -219,7 +219,7 @@ def aged_threshold(
     langevin: Langevin,
     rng: np.random.Generator,
 ) -> float:
-    """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
+    """Draw the threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
     e = np.exp(-langevin.rate * langevin.rate * time)
     return float(
         langevin.mean
@@ -238,11 +238,11 @@ def _live(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold at the end of a step of which a time `left` remains,
-    after all breaks in it.
+    """Return stretching and threshold of a contact at the end of a step of which a time
+    `left` remains, after all its breaks.
 
-    Below 0, `left` says how long after the end a contact that has broken is attached
-    again.
+    The third number is 0, or below 0 if the contact has broken: minus the time after
+    the end at which it re-attaches.
     """
     mean = langevin.mean
     std = langevin.std
@@ -285,7 +285,7 @@ def _live(
             )
             x = v * age
             return x, abs(x) + margin, 0.0
-    raise RuntimeError(_TURNS_TOLD)
+    raise RuntimeError(_TOO_MANY_BREAKS)
 
 
 @inlined
@@ -297,11 +297,13 @@ def _at_once(
     v: float,
     left: float,
 ) -> float:
-    """Longest time, of what is left, in which a contact may be followed in one step."""
+    """Return the longest part of the remaining time in which a contact may be followed
+    in one step.
+    """
     square = langevin.rate * langevin.rate
     noise = 2.0 * square * langevin.std * langevin.std
     h = left
-    # ends: half a step no longer counts at the latest when it is 0
+    # ends: half a step is accepted at the latest when it is 0
     while True:
         far = abs(x) + abs(v) * h
         low = f - 4.0 * math.sqrt(noise * h) - square * max(f - langevin.mean, 0.0) * h
@@ -325,14 +327,14 @@ def _live_hot(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Follow a contact as `_live` does at a temperature, with a breaking rate for its
-    present noisy threshold.
+    """Follow a contact as `_live` does, at a temperature: it breaks at a rate that
+    depends on its present, noisy threshold.
 
     A contact breaks where the integral of the rate along its own path reaches a number
     drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of its own:
-    far from breaking one long step, near it steps in which the logarithm of the rate
+    one long step far from breaking; near it, steps in which the logarithm of the rate
     changes by no more than `FINE`. The threshold at the end of each is exact; within it
-    the rate goes as an exponential, times what the noise adds to its mean.
+    the rate is an exponential in time, times a factor for the noise of the threshold.
     """
     mean = langevin.mean
     std = langevin.std
@@ -374,7 +376,7 @@ def _live_hot(
         left -= broken + delays[int(rng.random() * delays.size)]
         x = 0.0
         f = langevin.newborn
-    raise RuntimeError(_TURNS_TOLD)
+    raise RuntimeError(_TOO_MANY_BREAKS)
 
 
 @inlined
@@ -385,7 +387,7 @@ def _sleep(
     X: float,
     third: float,
 ) -> None:
-    """Let a contact sleep until a time, or until the slider has gone a third of its
+    """Let a contact sleep until a time, or until the slider has moved by a third of its
     margin from `X`.
     """
     contacts.until[i] = until
@@ -402,7 +404,9 @@ def _falls_asleep(
     mean: float,
     noise: float,
 ) -> bool:
-    """Whether a contact that is looked at sleeps on, with the threshold `f` of now."""
+    """Return whether a contact that was woken may sleep on with its present threshold
+    `f`; if so, let it.
+    """
     margin = f - abs(contacts.stretching[i] + stroke.X) - max(f - mean, 0.0)
     is_far = margin > 3.0 * abs(stroke.dX)
     if not is_far or SLEEP * margin * margin <= noise * stroke.dt:
@@ -426,7 +430,7 @@ def _step_one(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold of a contact at the end of a step, by the quickest
+    """Return stretching and threshold of a contact at the end of a step, by the fastest
     method that is exact for it; see `_live`.
     """
     mean = langevin.mean
@@ -440,8 +444,8 @@ def _step_one(
         x = v * age
         return x, abs(x) + margin, 0.0
     if step.young and f < 0.1 * mean and x * v >= 0.0 and left == stroke.dt:
-        # Near the boundary and driven towards it: the drift is as good as constant,
-        # one sample does it all.
+        # Near the boundary and driven towards it, the drift is nearly constant: one
+        # sample covers the whole step.
         square = langevin.rate * langevin.rate
         drift = min(step.drift, square * (mean - f) - abs(v))
         margin, age = reflected(max(margin, 0.0), drift, noise, stroke.dt, rng)
@@ -459,11 +463,11 @@ def _age(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, int]:
-    """One step of all contacts while the slider moves; stretchings are kept less the
+    """Advance all contacts by one step of the slider; stretchings are stored minus the
     position of the slider.
 
-    Returns what breaking has taken from the sum of all stretchings, and how many
-    contacts the step has attached.
+    Returns by how much breaking has reduced the sum of all stretchings, and how many
+    more contacts are attached.
     """
     step = _prepare(langevin, stroke)
     mean = langevin.mean
@@ -523,7 +527,7 @@ def awake(
     time: float,
     X: float,
 ) -> AgeingContacts:
-    """Return contacts of which none sleeps, with the slider at `X`."""
+    """Return contacts that are all awake, with the slider at `X`."""
     total, _ = attached_now(stretching, attach, time)
     waits = attach > time
     room = np.zeros((attach.size, 2))
@@ -551,17 +555,17 @@ def advance_contacts(
     rng: np.random.Generator,
 ) -> Floats:
     """Advance N ageing contacts and the slider along a course, Eqs. (11) and (13)-(16);
-    returns the samples.
+    return the samples.
 
     Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a
     Brownian-bridge test for breaking inside the step, the exact distribution of the
     moment of breaking, and for contacts that attach on their boundary the exact
-    distribution of the margin after any number of breaks (`reflected`). A longest step
-    of ``0.04/rate^2`` is converged to 2e-3 in steady motion, with a reach of 0.02 mean
-    thresholds with a slider and inf for steady rigid motion. `state` (see `time_steps`)
-    and `contacts`, those of `awake` at first, are changed; each break draws one of the
-    `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`),
-    newborns must have strength.
+    distribution of the margin after any number of breaks (`reflected`). With a longest
+    step of ``0.04/rate^2`` the force in steady motion has converged to 2e-3, for a
+    reach of 0.02 mean thresholds with a slider and inf in steady rigid motion. `state`
+    (see `time_steps`) and `contacts` (at first those of `awake`) are changed; each
+    break draws one of the `delays`, which are ``[0.]`` for none. With a delay, or at a
+    temperature (a `hazard`), newborns must have strength.
     """
     n = contacts.stretching.size
     here = begin(course, state)

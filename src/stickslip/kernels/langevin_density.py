@@ -1,15 +1,16 @@
 """The kinetic equation of ageing contacts, Eqs. (13)-(17), N to infinity, under a
 slider; see `langevin`.
 
-The density over (place of birth, margin). A cohort is what attached while the slider
-moved by twice the reach of a step; of its contacts at each margin the mass is known and
-the mean place of birth, which is all that the force asks for: cohorts are needed only
-because an older contact ages by ``rate^2 (mean - margin - stretching)``, and the error
-of that falls as the square of their width. Margins obey the Fokker-Planck equation of
-Eq. (17), in the frame of the moving boundary, with Chang-Cooper / Scharfetter-Gummel
-fluxes (conserving, Gaussian when at rest) and steps of second order. What breaks enters
-the open cohort; with ``newborn = 0`` by its boundary, which reflects: contacts there
-attach where the slider is. Second order in all: halve step, reach and cells together.
+The unknown is the density over (place of birth, margin). A cohort consists of the
+contacts that attached while the slider moved by twice the reach of a step. For its
+contacts at each margin the mass is stored, and the mean place of birth, which is all
+that the force needs. Cohorts are needed only because an older contact ages by
+``rate^2 (mean - margin - stretching)``; the error of that falls as the square of their
+width. Margins obey the Fokker-Planck equation of Eq. (17), in the frame of the moving
+boundary, with Chang-Cooper / Scharfetter-Gummel fluxes (conserving, Gaussian when at
+rest) and steps of second order. Contacts that break enter the open cohort; with
+``newborn = 0`` through its boundary, which reflects: contacts there attach where the
+slider is. The scheme is of second order: halve step, reach and cells together.
 """
 
 from typing import NamedTuple
@@ -34,7 +35,7 @@ from .time_steps import (
 )
 
 # Further entries of the state: number of closed cohorts, how far the contacts lag
-# behind the slider, slope of the loss and length of the last step.
+# behind the slider, rate of change of the loss and length of the last step.
 COHORTS = 4
 LAG = 5
 RAMP = 6
@@ -45,18 +46,18 @@ _ANGLE = 0.35
 
 
 class Cohorts(NamedTuple):
-    """Contacts by where they attached, first the closed cohorts, then the open one,
+    """Contacts by where they attached: first the closed cohorts, then the open one,
     then room for more.
     """
 
-    # shape (C,), at least two more than closed cohorts: slider positions at which they
-    # have stretching 0
+    # shape (C,), at least two more than closed cohorts: slider positions at which
+    # contacts have stretching 0
     place: Floats
-    # shape (C, nodes): fraction of contacts by margin; none on node 0 but of the open
-    # one
+    # shape (C, nodes): fraction of contacts by margin; on node 0 only the open cohort
+    # has any
     mass: Floats
-    # the same times how much farther than `place` these contacts have attached on
-    # average
+    # shape (C, nodes): mass times how much farther than `place` these contacts attached
+    # on average
     moment: Floats
 
 
@@ -72,12 +73,12 @@ class _Work(NamedTuple):
 
     up: Floats  # rates from node i to i+1,
     down: Floats  # and to i-1
-    pivot: Floats  # the elimination of the implicit steps,
-    carry: Floats  # and what it carries on
-    known: Floats
-    echo: Floats  # what one birth a time leaves
+    pivot: Floats  # one over the pivots of the elimination,
+    carry: Floats  # and the factors that it carries upwards
+    known: Floats  # right-hand side
+    echo: Floats  # what one birth per unit time leaves at the nodes
     stage: Floats  # mass and moment in the two stages of a step
-    tops: Counts  # for each cohort the last node where it held anything
+    tops: Counts  # for each cohort the last node where it may hold anything
 
 
 class _Step(NamedTuple):
@@ -97,8 +98,8 @@ class _Step(NamedTuple):
 
 
 class _Births(NamedTuple):
-    """The node where contacts attach (-1: nowhere), the fraction on the one above,
-    and the rates in the two stages.
+    """The node where contacts attach (-1: nowhere), the fraction of them that attaches
+    at the next one, and the rates in the two stages.
     """
 
     node: int
@@ -109,8 +110,8 @@ class _Births(NamedTuple):
 
 @jit
 def density_nodes(langevin: Langevin, cells: float) -> Floats:
-    """Nodes of the margin, `cells` per standard deviation, closer to the boundary; the
-    last lies beyond all thresholds.
+    """Return the nodes of the margin, `cells` per standard deviation and denser near
+    the boundary; the last lies beyond all thresholds.
 
     Contacts that attach on their boundary leave it as the square root of time, and a
     fast slider presses them against it: the first cells must be small.
@@ -130,8 +131,8 @@ def density_nodes(langevin: Langevin, cells: float) -> Floats:
 
 @jit
 def cell_widths(nodes: Floats) -> Floats:
-    """Widths of the cells about the nodes; the first and the last are cut at their
-    node.
+    """Return the widths of the cells about the nodes; the first and the last cell end
+    at their node.
     """
     width = np.empty(nodes.size)
     width[0] = 0.5 * nodes[1]
@@ -151,10 +152,10 @@ def _rates(
     top: int,
     work: _Work,
 ) -> None:
-    """Rates between the margins of one cohort while the slider moves on from `x` past
-    its place of birth.
+    """Fill the rates between the margins of one cohort while the slider moves on from
+    `x` past its place of birth.
 
-    At each margin the contacts are stretched as they are there on average, by
+    The contacts at each margin are taken to have their mean stretching there,
     ``x - moment/mass``.
     """
     nodes = grid.nodes
@@ -176,8 +177,8 @@ def _rates(
         d = (ageing - motion) * h / D
         flow = bernoulli(d)
         if i > first and h > 0.999 * widest:
-            # Far from the boundary a fast slider carries the density along: there
-            # central differences, as far as they are positive, do not smear it.
+            # Far from the boundary a fast slider carries the density along: central
+            # differences, where they are positive, do not smear it.
             flow += (
                 motion
                 * motion
@@ -196,7 +197,7 @@ def _eliminate(
     top: int,
     dt: float,
 ) -> None:
-    """Elimination from above for the implicit steps of `_substitute`."""
+    """Eliminate from above, for the implicit steps of `_substitute`."""
     above = 0.0
     for i in range(top, first - 1, -1):
         work.pivot[i] = 1.0 / (1.0 + dt * (work.up[i] + work.down[i]) - above)
@@ -213,8 +214,8 @@ def _substitute(
     dt: float,
     solved: Floats,
 ) -> None:
-    """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with
-    `below` on the node below them.
+    """Take an implicit step ``(1 - dt L) solved = known`` from node `first` to `top`,
+    with the value `below` on the node below them.
     """
     above = 0.0
     for i in range(top, first - 1, -1):
@@ -236,19 +237,19 @@ def _advance_cohort(
     newborns: _Births,
     work: _Work,
 ) -> tuple[float, float]:
-    """One step of a cohort, by two implicit stages; returns the rates at which its
-    contacts break in the two.
+    """Advance a cohort by one step, in two implicit stages; return the rates at which
+    its contacts break in the two.
     """
     known = work.known
     birth = newborns.node
     fraction = newborns.fraction
     gamma = step.gamma
-    first = 0 if birth == 0 else 1  # newborns on the boundary: it reflects
+    first = 0 if birth == 0 else 1  # a boundary on which contacts attach reflects
     dt = gamma * step.dt
     _rates(grid, mass, moment, x, step, first, top, work)
     _eliminate(work, first, top, dt)
     again = 0.0
-    # what one birth a time makes break within the same stage, to attach again
+    # contacts born in a stage that break within it and attach again, per birth
     if birth > 0:
         known[: top + 1] = 0.0
         known[birth] = dt * (1.0 - fraction)
@@ -260,7 +261,7 @@ def _advance_cohort(
     for stage in range(2):
         m = work.stage[stage, 0]
         q = work.stage[stage, 1]
-        # of the slider since the reference place
+        # displacement of the slider from the reference place
         path = x + step.dX * (gamma if stage == 0 else 1.0)
         born = newborns.first if stage == 0 else newborns.second
         for i in range(first, top + 1):
@@ -316,9 +317,10 @@ def _top(
     before: int,
     path: float,
 ) -> int:
-    """Last node that a cohort can reach in a step; it held nothing above `before`.
+    """Return the last node that a cohort can reach in a step; it held nothing above
+    `before`.
 
-    Dust at the top is swept down.
+    Negligible mass at the top is moved down.
     """
     top = before
     while top > 2 and mass[top] < 1e-17:
@@ -341,12 +343,12 @@ def _close(
     near: float,
     soft: float,
 ) -> int:
-    """Close the open cohort (row `count`) and open another; returns the number of
-    closed cohorts.
+    """Close the open cohort (row `count`) and open another; return the number of closed
+    cohorts.
 
-    Contacts within some `soft` of their boundary stay open, so that no density is cut
-    where it is steep. The closed cohort is joined to one whose place is `near`, if
-    there is one.
+    Contacts within about `soft` of their boundary stay open, so that the density is not
+    cut where it is steep. The closed cohort is joined to one whose place is within
+    `near`, if there is one.
     """
     place = cohorts.place
     mass = cohorts.mass
@@ -391,11 +393,11 @@ def _close(
 
 @jit
 def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
-    """Numbers of a step that do not depend on the cohort."""
+    """Return the numbers of a step that do not depend on the cohort."""
     square = langevin.rate**2
     diffusion = (langevin.rate * langevin.std) ** 2
-    # Pressed against the boundary for many relaxation times of the layer there, SDIRK2
-    # would overshoot.
+    # A fast slider presses contacts against the boundary for many relaxation times of
+    # the layer there: SDIRK2 would overshoot.
     fall = max(abs(stroke.dX) / stroke.dt - square * langevin.mean, 0.0)
     gamma = 0.5 if fall * fall * stroke.dt > 8.0 * diffusion else 1.0 - np.sqrt(0.5)
     return _Step(stroke.dt, stroke.dX, square, langevin.mean, diffusion, gamma)
@@ -403,8 +405,8 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 @jit
 def _birth_node(newborn: float, nodes: Floats) -> tuple[int, float]:
-    """Node at or below the margin of a newborn contact, and how far it lies towards the
-    next one.
+    """Return the node at or below the margin of a newborn contact, and the fraction of
+    the way to the next one at which it lies.
     """
     if not newborn > 0.0:
         return 0, 0.0
@@ -423,9 +425,8 @@ def _age(
     langevin: Langevin,
     work: _Work,
 ) -> int:
-    """One step of all cohorts; what breaks attaches in the open one (row `count`).
-
-    How many closed ones are left.
+    """Advance all cohorts by one step; contacts that break attach in the open one (row
+    `count`). Return how many closed cohorts are left.
     """
     place = cohorts.place
     mass = cohorts.mass
@@ -454,7 +455,7 @@ def _age(
         second += two
         left = np.sum(m)
         broken -= left
-        if left < 1e-13:  # as good as empty
+        if left < 1e-13:  # nearly empty
             dust += left
             m[:] = 0.0
             q[:] = 0.0
@@ -482,7 +483,7 @@ def _age(
         work,
     )
     total = np.sum(m)
-    if total > 0.0:  # rounding, and what was cut off below 0
+    if total > 0.0:  # correct for rounding, and for negative values set to 0
         m *= expected / total
         q *= expected / total
     m[birth] += dust
@@ -499,7 +500,7 @@ def _age(
 
 @jit
 def _force(cohorts: Cohorts, count: int, X: float) -> tuple[float, float]:
-    """Force of the contacts, and the sum of the mass."""
+    """Return the force of the contacts, and the sum of the mass."""
     force = 0.0
     total = 0.0
     for c in range(count + 1):
@@ -516,9 +517,9 @@ def advance_density(
     """Advance the kinetic equation and the slider to the last of the course's times,
     Eqs. (11), (13)-(17).
 
-    `state` and `cohorts` are changed; returns the samples at the times that were
-    reached, the last column the sum of the mass. With ``(mean + 8 std)/reach + 3`` rows
-    of cohorts none has to be joined to another that is not near.
+    `state` and `cohorts` are changed. Returns the samples at the times that were
+    reached; their last column is the sum of the mass. With
+    ``(mean + 8 std)/reach + 3`` rows of cohorts only cohorts that are near are joined.
     """
     count = int(state[COHORTS])
     lag = state[LAG]
@@ -552,8 +553,8 @@ def advance_density(
         if stroke.end > course.look:
             break
         taken += 1
-        # The contacts are moved to where the slider is guessed to go, from where it was
-        # last guessed to have gone.
+        # The contacts are moved from the slider's position guessed in the last step to
+        # the one guessed now.
         dt = stroke.dt
         dX = stroke.dX
         count = _age(

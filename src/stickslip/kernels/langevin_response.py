@@ -1,15 +1,16 @@
 """Linear response of ageing contacts about steady sliding, from Eqs. (11) and
 (13)-(17); see `langevin`.
 
-While the slider moves by ``e^{pt}`` more, the level of a contact that attached at age 0
-is perturbed by ``e^{pa} - 1``. A level that is higher at one age only takes away those
-who are about to break then and would have lived on as excursions from there: with
-``w(s, a)`` the survival of an excursion that begins at age s,
+If the displacement of the slider is perturbed by ``e^{pt}``, the level of a contact
+that attached at age 0 is perturbed by ``e^{pa} - 1``. A level that is raised at one age
+only removes the contacts that are about to break then and would otherwise have lived on
+as excursions from there: with ``w(s, a)`` the survival of an excursion that begins at
+age s,
 
     dS(a) = int_0^a w(s, a - s) (e^{ps} - 1) dS(s)/delta.
 
-Survival and excursions do not depend on p; what one life contributes to the dynamic
-stiffness are their transforms, which polynomials have in closed form at any p.
+Survival and excursions do not depend on p. The contribution of one life to the dynamic
+stiffness consists of their transforms, which polynomials have in closed form at any p.
 """
 
 from typing import NamedTuple
@@ -31,8 +32,8 @@ _ON_FINE = np.polynomial.legendre.legvander(2.0 * _FINE - 1.0, P) @ _LEGENDRE
 
 
 class Excursions(NamedTuple):
-    """Survival at one velocity, on panels of the age: of a contact, and of
-    excursions that begin at some ages.
+    """Survival at one velocity, on panels of the age: of a contact, and of excursions
+    that begin at some ages.
     """
 
     life: Life
@@ -41,18 +42,18 @@ class Excursions(NamedTuple):
     start: Floats  # shape (n,): ages at which the excursions begin
     slope: Floats  # shape (n, n): slopes of a polynomial in the start from its values
     survivors: Floats  # shape (nodes,)
-    # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain
-    # and times age
+    # shape (nodes, 3 n): survivors times polynomials of the start; excursions,
+    # alternately plain and times age
     lifetimes: Floats
-    # shape (nodes,): how many of the columns of `lifetimes` to regard: later there is
-    # nobody
+    # shape (nodes,): number of columns of `lifetimes` to use: in the others nobody is
+    # left
     alive: Counts
 
 
 @jit
 def _starts(life: Life) -> int:
-    """Number of ages at which excursions begin: the slower the slide, the sharper is
-    the end of a life.
+    """Return the number of ages at which excursions begin: the slower the slider, the
+    more sharply lives end.
     """
     return int(
         14.0
@@ -65,7 +66,7 @@ def _starts(life: Life) -> int:
 
 @jit
 def excursions(life: Life) -> Excursions:
-    """Survival at one velocity of a contact and of excursions, for
+    """Return the survival at one velocity of a contact and of excursions, for
     `life_transforms`.
     """
     edges = panel_edges(life)
@@ -110,7 +111,7 @@ def excursions(life: Life) -> Excursions:
 
 @jit
 def _legendre_transforms(z: complex, out: Complexes) -> None:
-    """``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their
+    """Compute ``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their
     recursion upwards or downwards.
     """
     size = abs(z)
@@ -149,8 +150,8 @@ def _legendre_transforms(z: complex, out: Complexes) -> None:
 
 @jit
 def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
-    """Weights of the nodes of all panels in the Laplace transform of what is given
-    at them.
+    """Fill the weights with which the values at the nodes of all panels enter the
+    Laplace transform.
     """
     weight[0] = 0.0
     for i in range(_FINE.size):
@@ -176,8 +177,8 @@ def _transform(
     real: Floats,
     imaginary: Floats,
 ) -> tuple[complex, complex]:
-    """Transforms of the survivors and of their age; those of excursions as real and
-    imaginary parts.
+    """Return the transforms of the survivors and of their age; store those of the
+    excursions as real and imaginary parts.
     """
     edges = known.edges
     age = known.age
@@ -199,8 +200,8 @@ def _transform(
 
 @jit
 def life_transforms(known: Excursions, p: Complexes) -> Complexes:
-    """Contribution of one life to the dynamic stiffness at Laplace variables `p` in
-    units of rate^2, shape (4, n).
+    """Return the contribution of one life to the dynamic stiffness at Laplace variables
+    `p` in units of rate^2, shape (4, n).
 
     ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of
     the survivors S by a slider that is perturbed by ``e^{pa}``.
@@ -219,8 +220,8 @@ def life_transforms(known: Excursions, p: Complexes) -> Complexes:
         by = both[:count]
         life = both[count::2]
         age = both[count + 1 :: 2]
-        # By parts: the survivors may change infinitely fast, what becomes of excursions
-        # does not.
+        # Integrated by parts: the survivors may change infinitely fast, the
+        # contribution of the excursions does not.
         shift = -p[q] * by
         for c in range(count):
             shift += known.slope[c] * (by[c] - still[c])

@@ -1,5 +1,5 @@
-"""Ageing contacts at constant velocity, N to infinity: all lives are alike, so one life
-gives all averages.
+"""Ageing contacts at constant velocity, N to infinity: all lives have the same
+statistics, so one life gives all averages.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ from .records import Floats
 
 _GAUSS, _WEIGHT = gauss(8)
 
-# how much finer the cells are than the standard deviation over the length in which the
-# rate grows by e
+# the cells are this much finer than the standard deviation over the length in which the
+# rate grows by a factor of e
 RATIO = 0.2
 
 
@@ -35,8 +35,8 @@ def life_moments(
     mean: float = 1.0,
     time: float = 1.0,
 ) -> tuple[float, float]:
-    """Moments of one life at one resolution: cells of the margin and steps of the
-    age; see `steady_moments`.
+    """Return the moments of one life at one resolution: cells of the margin and steps
+    of the age; see `steady_moments`.
     """
     u = life.u
     delta = life.delta
@@ -48,7 +48,7 @@ def life_moments(
     up = np.zeros(m + 1)
     down = np.zeros(m + 1)
     upper = np.zeros(m + 1)
-    # life and work still to come, as a function of the margin
+    # remaining life and work, as functions of the margin
     left = np.zeros(m + 1)
     work = np.zeros(m + 1)
     b0 = np.zeros(m + 1)
@@ -62,8 +62,8 @@ def life_moments(
             x = mean * u * middle
             for i in range(1, m + 1):
                 out[i] = time * rate(hazard, x, x + mean * delta * z[i])
-        # Crank-Nicolson rings on the abrupt start. Implicit steps damp that, at the
-        # oldest ages, which hardly any contact reaches.
+        # Crank-Nicolson oscillates after the abrupt start. Implicit steps damp that, at
+        # the oldest ages, which hardly any contact reaches.
         implicit = 0.5 if j < steps - 8 else 1.0
         explicit = (1.0 - implicit) * da
         implicit *= da
@@ -98,8 +98,8 @@ def life_moments(
     if life.newborn > 0.0:
         start = life.newborn / delta
         return float(np.interp(start, z, left)), float(np.interp(start, z, work))
-    # Slopes at the boundary, from W'' + c W' + g = 0 there: g = 1 for the life, 0 for
-    # the work.
+    # Slopes at the boundary, from W'' + c W' + g = 0 there, with g = 1 for the life and
+    # 0 for the work.
     h = z[1]
     slope = 1.0 / (h * (1.0 - 0.5 * c0 * h))
     return (left[1] + 0.5 * h * h) * slope, work[1] * slope
@@ -107,11 +107,12 @@ def life_moments(
 
 @jit
 def _resolution(life: Life, cells: int, steepest: float) -> tuple[int, int]:
-    """Cells of the margin and steps of the age that keep the same accuracy everywhere.
+    """Return the cells of the margin and the steps of the age that keep the accuracy
+    the same everywhere.
 
     A narrow distribution makes thin layers, a newborn that must come down to its
-    boundary makes a travelling pulse, a barrier a layer of its `steepest` rate, and a
-    slow slide takes many times 1/rate^2.
+    boundary makes a travelling pulse, a barrier adds a layer set by its `steepest`
+    rate, and slow sliding takes many times 1/rate^2.
     """
     peclet = life.newborn * max(life.u - 1.0, 0.0) / life.delta**2
     more = min(
@@ -129,8 +130,8 @@ def steady_moments(
     mean: float = 1.0,
     time: float = 1.0,
 ) -> tuple[float, float]:
-    """Moments of one life of a contact in sliding at constant velocity, by the kinetic
-    equation, Eqs. (13)-(17).
+    """Return the moments of one life of a contact in sliding at constant velocity, from
+    the kinetic equation, Eqs. (13)-(17).
 
     With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are
     ``int S da`` and ``int u a S da``; their ratio is the mean stretching of attached
@@ -138,11 +139,11 @@ def steady_moments(
     those of an excursion, per unit of its entrance measure (their slope in the margin,
     in units of the standard deviation).
 
-    The backward (adjoint) equation is solved: what is still to come, as a function of
-    age and margin, is smooth where the density is singular. Chang-Cooper /
+    The backward (adjoint) equation is solved: the remaining life and work, as functions
+    of age and margin, are smooth where the density is singular. Chang-Cooper /
     Scharfetter-Gummel rates in the margin, Crank-Nicolson in the age, and one
     Richardson extrapolation: 100 cells give 1e-5 for 1e-5 <= u <= 50 and delta >= 0.1.
-    `mean` and `time` (``1/rate**2``) are what the hazard knows of units.
+    `mean` and `time` (``1/rate**2``) give the units of the hazard.
     """
     steepest = (
         mean * abs(log_rate(hazard, 0.5 * mean, mean)[2])
@@ -152,8 +153,8 @@ def steady_moments(
     margins, steps = _resolution(life, cells, steepest)
     coarse, coarse_work = life_moments(life, margins, steps, hazard, mean, time)
     fine, fine_work = life_moments(life, 2 * margins, 2 * steps, hazard, mean, time)
-    # The error of a ratio is extrapolated, not those of its parts: they share most of
-    # it.
+    # The error of the ratio is extrapolated, not those of its parts, which share most
+    # of it.
     ratio = (4.0 * fine_work / fine - coarse_work / coarse) / 3.0
     fine += (fine - coarse) / 3.0
     return fine, ratio * fine
@@ -167,12 +168,12 @@ def steady_friction(
     cells: int = 100,
     hazard: Hazard = NONE,
 ) -> Floats:
-    """Force per contact in smooth sliding at velocities, not 0, N to infinity, from
-    Eqs. (13)-(17).
+    """Return the force per contact in smooth sliding at velocities other than 0, N to
+    infinity, from Eqs. (13)-(17).
 
-    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as
-    ``std^2/mean u/(u-1)^2`` at large u. With ``newborn = 0`` no contact ever holds for
-    a mean `delay`.
+    Over the mean threshold it is a function of ``u = velocity/(rate^2 mean)`` alone, if
+    there is no delay; it falls as ``std^2/mean u/(u-1)^2`` at large u. With
+    ``newborn = 0`` and a mean `delay` no contact ever holds.
     """
     force = np.zeros(velocity.size)
     time = 1.0 / (langevin.rate * langevin.rate)
@@ -197,14 +198,14 @@ def pull_newborns(
     distance: float,
     points: int,
 ) -> tuple[Floats, Floats]:
-    """Force while contacts that were all newborn at the start are dragged at constant
-    velocity, Eqs. (7), (13)-(17).
+    """Return the force while contacts that were all newborn at the start are dragged at
+    constant velocity, Eqs. (7), (13)-(17).
 
-    Lifetimes at constant velocity are alike, so attachments (counted by local time) are
-    a renewal process: ``attachments * S = 1`` and ``F = attachments * (v a S)``, with
-    the survivors S by age of the stationary solution and ``*`` the convolution;
-    ``max(-dF/dX)`` is the effective stiffness of Fig. 11. Newborns have no strength.
-    Returns paths and forces.
+    Lifetimes at constant velocity have one distribution, so attachments (counted by
+    local time) are a renewal process: ``attachments * S = 1`` and
+    ``F = attachments * (v a S)``, with the survivors S by age of the stationary
+    solution and ``*`` the convolution; ``max(-dF/dX)`` is the effective stiffness of
+    Fig. 11. Newborns have no strength. Returns displacements and forces.
     """
     life = life_at(velocity, Langevin(langevin.rate, langevin.mean, langevin.std, 0.0))
     u = life.u
@@ -225,8 +226,8 @@ def pull_newborns(
 
 @jit
 def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
-    """Integrals of the survivors ``S`` and of ``a S`` up to each of the `ages`,
-    which begin with 0.
+    """Return the integrals of the survivors ``S`` and of ``a S`` up to each of the
+    `ages`, which begin with 0.
     """
     edges = panel_edges(life)
     survivors = survive(
@@ -244,7 +245,7 @@ def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
         works[i] = works[i - 1]
         here = ages[i - 1]
         end = min(ages[i], edges[-1])
-        # ends: the next edge lies behind, or the end does
+        # ends: each turn goes on to the next edge, or to the end
         while here < end:
             while edges[k + 1] <= here:
                 k += 1

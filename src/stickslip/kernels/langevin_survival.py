@@ -2,17 +2,17 @@
 age; see `langevin`.
 
 In units of their standard deviation about the mean, thresholds are an
-Ornstein-Uhlenbeck process, whose transitions are known. A contact breaks where its
-threshold first meets its *level*, the force of its stretching, which rises by
-``u/delta`` per age. What is above its level at an age has not broken, or broke at some
-age s and came above it again:
+Ornstein-Uhlenbeck process, whose transition probabilities are known. A contact breaks
+where its threshold first meets its *level*, the force of its stretching, which rises by
+``u/delta`` per age. A free threshold that is above its level at an age either has not
+met it, or met it at some age s and rose above it again:
 
     Q(a | start) = S(a) - int Q(a | level at s) dS(s),
 
 with ``Q`` the fraction of free thresholds above the level. Integrated by parts this is
 an equation of the second kind for the survivors S, whose kernel is the inverse square
-root of the lag times a smooth function. It is met at the nodes of panels on which S is
-a polynomial; on the first one, a polynomial of the root of the age over that root.
+root of the lag times a smooth function. It is satisfied at the nodes of panels on which
+S is a polynomial; on the first one, a polynomial of the root of the age over that root.
 
 A contact that attaches on its own level has the survival of an excursion, per unit of
 its entrance measure (its slope in the margin, in units of the standard deviation).
@@ -27,8 +27,8 @@ from .langevin import Life, longest_age
 from .quadrature import gauss, lobatto
 from .records import Floats
 
-# order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of
-# the panel before
+# order of the polynomials; a panel has ``P + 1`` nodes, of which the first is the last
+# one of the panel before
 P = 10
 
 
@@ -39,16 +39,16 @@ _BARYCENTRIC = np.array(
 _GAUSS, _WEIGHT = gauss(12)
 _HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)
 _FORGOTTEN = 36.0  # lag after which free thresholds have forgotten where they were
-_NOBODY = 1e-14
-# longest panel, in times that the level takes to cross the free thresholds' standard
-# deviation
+_NOBODY = 1e-14  # survivors below this are taken as none
+# longest panel, in units of the time in which the level crosses one standard deviation
+# of the free thresholds
 _WIDEST = 2.5
 
 
 @jit
 def panel_edges(life: Life) -> Floats:
-    """Edges of the panels of the age: doubling at first, then as long as the level
-    is resolved.
+    """Return the edges of the panels of the age: lengths double at first, as far as the
+    motion of the level is resolved.
     """
     rise = life.u / life.delta
     end = longest_age(life)
@@ -79,7 +79,7 @@ def panel_edges(life: Life) -> Floats:
 
 @jit
 def panel_ages(edges: Floats) -> Floats:
-    """Ages at the nodes of the panels, shape (panels, P + 1)."""
+    """Return the ages at the nodes of the panels, shape (panels, P + 1)."""
     age = np.empty((edges.size - 1, P + 1))
     age[0] = edges[1] * NODE**2
     for k in range(1, edges.size - 1):
@@ -94,7 +94,7 @@ def interpolate(
     age: float,
     row: Floats,
 ) -> None:
-    """Weights of the nodes of panel `k` in what survives at an age of it."""
+    """Fill the weights of panel `k`'s nodes for the survivors at one of its ages."""
     x = (
         math.sqrt(age / edges[1])
         if k == 0
@@ -124,8 +124,8 @@ def _kernels(
     weight: float,
     kernel: Floats,
 ) -> bool:
-    """Slope of ``Q`` in the lag between two moments on the level, times a weight; and
-    whether any of it matters.
+    """Fill the slope of ``Q`` in the lag between two moments on the level, times a
+    weight; return whether any of it matters.
     """
     stay = math.exp(-lag)
     gone = -math.expm1(-lag)
@@ -158,8 +158,8 @@ def _remember(
     """Add to the equations the thresholds that rose above their level again, at an age
     of panel `k` with these `levels`.
 
-    Of the panel itself it goes into the row `matrix` of the equations, shape (P + 1,
-    n); of those before into `known`.
+    Those that met it within the panel go into the row `matrix` of the equations, shape
+    (P + 1, n); those that met it before go into `known`.
     """
     count = levels.size
     fastest = 1e-9
@@ -168,11 +168,11 @@ def _remember(
     for level in levels:
         fastest = max(fastest, abs(level + rise))
     far = math.sqrt(min(0.5 * age, _FORGOTTEN))
-    # first short lags, then early ages, by their roots
+    # first integrate over short lags, then over early ages, both by their roots
     for early in range(2 if 0.5 * age < _FORGOTTEN else 1):
         left = 0.0
         right = min(far, math.sqrt(edges[1]) if early else 2.0 / fastest)
-        # ends: each panel doubles the way
+        # ends: each panel doubles the distance covered
         while left < far:
             matters = False
             for q in range(_GAUSS.size):
@@ -213,11 +213,11 @@ def survive(
     start: Floats,
     margin: Floats,
 ) -> Floats:
-    """Survivors at the nodes of the panels, shape (panels, P + 1, n); on the first
-    panel times the root of age.
+    """Return the survivors at the nodes of the panels, shape (panels, P + 1, n); on the
+    first panel times the root of the age.
 
-    `start` are levels at age 0, rising: the last are the first with which nobody
-    survives; `margin` says how far above them the newborns' thresholds are, 0 for an
+    `start` are levels at age 0, in rising order, so that survivors run out at the last
+    ones first; `margin` is how far above them the newborns' thresholds are, 0 for an
     excursion.
     """
     count = start.size

@@ -1,11 +1,11 @@
-"""Leapfrog of blocks, kick and drift; with dashpots, energies, samples and pieces of
-the drive.
+"""Leapfrog integration of blocks, kick and drift, with dashpots, energies, samples and
+pieces of the drive.
 
-What the contacts of a block do while it drifts is for another kernel to say
-(`blocks`); here they are three sums: the attached fraction, and the origins of
-those attached, plain and squared. The contacts that are detached slide together, one
-elastic and plastic element a block: stretched as an attached contact would be, up to
-the force ``f_d``. What it dissipates counts as broken.
+The motion of the contacts while a block drifts is computed by another kernel
+(`blocks`); here the contacts of a block are three sums: the attached fraction, and the
+birth positions of attached contacts, plain and squared. The detached contacts slide
+together, as one elastic and plastic element per block: stretched like an attached
+contact, up to the force ``f_d``. The energy that it dissipates counts as broken.
 """
 
 import math
@@ -38,11 +38,11 @@ SUMS = (
     "viscous_energy",
     "broken_energy",
 )
-"""What samples begin with, summed over blocks: `bulk_energy` is that of the springs
-between them, `viscous_energy` what was lost in dashpots.
+"""First columns of a sample, summed over blocks: `bulk_energy` is that of the springs
+between blocks, `viscous_energy` the energy lost in dashpots.
 """
 OF_BLOCKS = ("displacement", "velocity", "friction_force", "attached", "broken")
-"""What they go on with, each for all blocks; `broken` counts breaks per contact."""
+"""The columns after them, each for all blocks; `broken` counts breaks per contact."""
 SCALARS = len(SUMS)
 FIELDS = len(OF_BLOCKS)
 
@@ -52,15 +52,15 @@ class Network(NamedTuple):
     d/dt) (X_l - X) - F_c``.
     """
 
-    neighbour: Indices  # shape (n, m); where a block has fewer than `m`, itself
+    neighbour: Indices  # shape (n, m); a block with fewer than `m` is its own neighbour
     spring: Floats  # shape (n, m): stiffness towards each; 0 where there is none
     # shape (n,): stiffness of the spring by which the drive pulls each block
     pull: Floats
-    # shape (n,): constant force: of the driving spring with drive and block at 0, and
-    # what pushes
+    # shape (n,): constant force: of the driving spring with drive and block at 0, plus
+    # any pushing force
     load: Floats
-    # shape (n,): what part of `load` does work as the block moves: all but the force of
-    # a driving spring
+    # shape (n,): the part of `load` that does work as the block moves: all of it but
+    # the force of a driving spring
     push: Floats
     mass: float
     damping: float
@@ -68,12 +68,12 @@ class Network(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """Of each block, shape (n,): motion, sums over its contacts, and records of its
-    past.
+    """Motion of the blocks, sums over their contacts, and records of their past, each
+    of shape (n,).
     """
 
     X: Floats
-    V: Floats  # half a step behind the displacement, but at rest between pieces
+    V: Floats  # half a step behind the displacement, except at rest between pieces
     V_now: Floats  # at the time of the displacement
     held: Floats  # attached fraction
     origins: Floats  # sum of birth positions over N
@@ -86,7 +86,7 @@ class Blocks(NamedTuple):
 
 
 class BlockMotion(NamedTuple):
-    """All that the next step needs, the contacts aside."""
+    """All that the next step needs, except the contacts."""
 
     blocks: Blocks
     now: Record
@@ -102,10 +102,11 @@ NOW = record(
     ),
     counts="sampled block spent has_row mode",
 )
-"""What changes from step to step: the time and the length of a step, the force of the
-driving springs, energies, what the last kick has lost in advance, the even step of a
-piece, the time of a row; samples filled, the next block to drift, steps of blocks
-spent, whether there is a row, and the mode of quasi-static motion.
+"""What changes from step to step: the time and the length of a step; the force of the
+driving springs; work, energies lost by damping, dashpots and breaks; the part of these
+losses that the last kick counted in advance; the regular step of a piece; the time of a
+row; the number of filled samples; the next block to drift; the steps of blocks spent;
+whether there is a row; and the mode of quasi-static motion.
 """
 
 
@@ -115,8 +116,8 @@ def at_rest(
     sliding: float,
     anchored: Floats,
 ) -> BlockMotion:
-    """Return blocks between two steps, contacts still to be summed; `anchored` is
-    the stretching of their elements.
+    """Return blocks between two steps, their contacts not yet summed; `anchored` is the
+    stretching of their elements.
     """
     n = X.size
     anchor = X - np.clip(anchored, -sliding, sliding)
@@ -145,21 +146,21 @@ def at_rest(
 
 
 def fastest(network: Network) -> float:
-    """Bound on the angular frequencies of the body with all of its contacts attached
-    (Gershgorin's).
+    """Return a bound on the angular frequencies of the body with all its contacts
+    attached (by Gershgorin's theorem).
     """
     per_block = network.pull + 2.0 * network.spring.sum(axis=1) + 1.0
     return math.sqrt(float(per_block.max()) / network.mass)
 
 
 def stiffest_dashpot(network: Network) -> float:
-    """Bound on the rates at which the dashpots between blocks slow them down."""
+    """Return a bound on the rates at which dashpots between blocks slow them down."""
     return 2.0 * network.lag * float(network.spring.sum(axis=1).max()) / network.mass
 
 
 @inlined
 def stretch(network: Network, Z: Floats, j: int) -> float:
-    """Force of the neighbours on block `j` at displacements `Z`."""
+    """Return the force of the neighbours on block `j` at displacements `Z`."""
     force = 0.0
     for m in range(network.spring.shape[1]):
         force += network.spring[j, m] * (Z[network.neighbour[j, m]] - Z[j])
@@ -173,7 +174,7 @@ def element(
     X: float,
     sliding: float,
 ) -> float:
-    """Force of a detached contact with the block at `X`."""
+    """Return the force of a detached contact with the block at `X`."""
     return float(min(max(X - blocks.anchor[j], -sliding), sliding))
 
 
@@ -203,8 +204,8 @@ def kick(
     after: float,
     sliding: float,
 ) -> None:
-    """Kick all blocks by their forces over half of the step before and half of the
-    one after.
+    """Kick all blocks by their forces over the second half of the step before and the
+    first half of the one after.
     """
     blocks = motion.blocks
     now = motion.now
@@ -220,8 +221,8 @@ def kick(
     viscous = network.lag > 0.0
     Z = motion.Z[0]
     W = motion.Z[1]
-    # the velocities now, foretold with the dashpots as they last were; then kicked by
-    # those
+    # predict the velocities now with the dashpot forces of the last step; then kick
+    # with the dashpot forces at these velocities
     if viscous:
         for j in range(n):
             W[j] = blocks.X[j] + network.lag * blocks.V[j]
@@ -282,7 +283,7 @@ def fill_row(
     row: Floats,
     sliding: float,
 ) -> None:
-    """Fill a row with what is now, after the kick."""
+    """Fill a row with the present state, after the kick."""
     blocks = motion.blocks
     now = motion.now
     n = blocks.X.size
@@ -333,7 +334,7 @@ def _interpolate(
     fraction: float,
     span: float,
 ) -> None:
-    """Fill a row between the last two: displacements by the cubic that has their
+    """Fill a row between the last two: displacements by the cubic with their
     velocities, the rest linearly.
     """
     n = motion.blocks.X.size
@@ -361,8 +362,8 @@ def _sample(
     next_time: float,
     sliding: float,
 ) -> bool:
-    """Fill the samples that lie between the last two moments; whether one of them
-    holds the condition.
+    """Fill the samples between the last two moments; return whether one of them meets
+    the stop condition.
     """
     now = motion.now
     time = motion.now.time
@@ -403,8 +404,8 @@ def begin_step(
     sampling: Sampling,
     sliding: float,
 ) -> int:
-    """Sample, kick, and set the length of the next step; or come to rest at the end,
-    or where a condition holds.
+    """Sample, kick, and set the length of the next step; or come to rest at the end, or
+    where a condition is met.
     """
     now = motion.now
     before = now.step
@@ -413,7 +414,7 @@ def begin_step(
     if before == 0.0 and left > 0.0:  # a piece begins: equal steps
         now.dt = left / math.ceil(left / piece.longest * (1.0 - 1e-12))
     h = now.dt if left > now.dt * (1.0 + 1e-6) else left
-    # where a condition is looked for, steps end at the samples
+    # with a stop condition, steps end at the samples
     if piece.stop.kind != NOWHERE:
         k = now.sampled
         while k < sampling.times.size and sampling.times[k] <= t:

@@ -1,10 +1,10 @@
-"""One life of a contact in steady sliding under activation, ageing and delay, and what
-a small perturbation does to it.
+"""One life of a contact in steady sliding with thermal activation, ageing and delay,
+and its response to a small perturbation.
 
-A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of
-the contact, whose age is ``x/v``. It is laid out on panels of eight Radau nodes, on
-which the survival and its slopes are known; the transforms of a perturbation
-``exp(s t)``, ``q = s/v``, are sums over the nodes.
+A life extends over the distance ``x`` that the slider moves, 0 at attachment: the
+stretching of the contact, whose age is ``x/v``. It is divided into panels of eight
+Radau nodes, at which the survival and its slopes are computed; the transforms of a
+perturbation ``exp(s t)``, ``q = s/v``, are sums over the nodes.
 """
 
 from typing import NamedTuple
@@ -27,11 +27,11 @@ from .quadrature import dot, integrals, radau, solve
 from .records import Complexes, Floats, Mask
 
 NODES = 8
-# powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost
+# powers of e by which a breaking rate may grow in a panel: an error of 2e-9
 FOLDS = 1.75
 QUIET = 20.0
-"""Breaks up to where panels begin to follow the rate, and what is left where they
-end: ``exp(-QUIET)``, 2e-9, too.
+"""The breaks that a contact expects, where panels begin to resolve the rate, are
+``exp(-QUIET)``; so are the survivors where panels end: 2e-9.
 """
 
 NODE = radau(NODES)
@@ -47,8 +47,9 @@ class Lifetimes(NamedTuple):
     there. Per node, shape (8 p,): the stretching `x`, the quadrature `weight`, the
     `survival` and its slope in ln v; `decay` and `source` of
     ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of
-    ``exp(-q x)`` (`drop`) in what the perturbation breaks. Contacts that reach their
-    threshold: stretching, weight, and slope of the place in ln v.
+    ``exp(-q x)`` (`drop`) in the breaks that the perturbation causes. The last three
+    are per threshold, of contacts that reach it: stretching, weight, and slope of that
+    place in ln v.
     """
 
     width: Floats
@@ -68,14 +69,14 @@ class Lifetimes(NamedTuple):
 
 @inlined
 def _threshold(growth: Growth, strength: float, age: float) -> tuple[float, float]:
-    """Threshold at an age, and its rate of growth."""
+    """Return the threshold at an age, and its rate of growth."""
     factor, addend, faster, more = grown(growth, age)
     return strength * factor + addend, strength * faster + more
 
 
 @jit
 def rule(growth: Growth, ages: Floats) -> Floats:
-    """`grown` at many ages, shape (4, n)."""
+    """Return `grown` at many ages, shape (4, n)."""
     found = np.empty((4, ages.size))
     for i in range(ages.size):
         found[0, i], found[1, i], found[2, i], found[3, i] = grown(growth, ages[i])
@@ -84,8 +85,8 @@ def rule(growth: Growth, ages: Floats) -> Floats:
 
 @jit
 def reach(growth: Growth, strength: float, v: float) -> float:
-    """Stretching at which a contact meets its threshold: the first crossing, by
-    bisection; 0 if it breaks at once.
+    """Return the stretching at which a contact meets its threshold: the first crossing,
+    by bisection; 0 if it breaks at once.
     """
     if growth.first == 0.0:
         return strength
@@ -120,8 +121,8 @@ def _panel(
     end: float,
     broken: float,
 ) -> float:
-    """Longest panel that resolves the rate of a contact which is at `here` on its way
-    to the `end`, where it meets its threshold.
+    """Return the longest panel that resolves the breaking rate of a contact stretched
+    by `here`, which meets its threshold at `end`.
     """
     c, pace = _threshold(growth, strength, here / v)
     exponent, steep, hard = log_rate(hazard, here, c)
@@ -152,8 +153,8 @@ def _fill_rates(
     along: Floats,
     older: Floats,
 ) -> None:
-    """Fill in the rate of breaking per distance at places on the way of a contact, and
-    its slopes in the stretching and in ln v.
+    """Fill the breaking rate per distance at stretchings of a contact, and its slopes
+    in the stretching and in ln v.
     """
     for j in range(NODES):
         rate[j] = along[j] = older[j] = 0.0
@@ -173,8 +174,8 @@ def _cap(
     end: float,
     held: float,
 ) -> tuple[float, float, float]:
-    """Where contacts meet their threshold, how many of those `held` up to there break
-    then, and the slope of the place in ln v.
+    """Return the stretching at which contacts meet their threshold, how many of those
+    `held` up to there break then, and the slope of the stretching in ln v.
     """
     _, pace = _threshold(growth, strength, end / v)
     return end, held / (1.0 - pace / v), -held * pace * end / v / (1.0 - pace / v)
@@ -190,7 +191,7 @@ def _with_room(table: Floats, used: int, room: int) -> Floats:
 
 @inlined
 def _up_to_the_end(h: float, here: float, end: float) -> float:
-    """Width of a panel, made longer where next to nothing would be left after it."""
+    """Return the width of a panel, extended to the end if that is near."""
     if end - here - h < 1e-3 * h:
         h = end - here
     if here + h <= here:
@@ -209,10 +210,10 @@ def march(
     v: float,
     longest: float,
 ) -> Lifetimes:
-    """Lives of contacts one threshold after the other: for barriers that no single
-    variable describes.
+    """Compute the lives of contacts one threshold after the other, for barriers that no
+    single variable describes.
 
-    No panel is longer than `longest`, for the frequencies that matter.
+    No panel is longer than `longest`, set by the frequencies that matter.
     """
     room = 1024
     panels = 0
@@ -290,7 +291,9 @@ def march(
 
 @jit
 def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
-    """``R' = source - decay R`` from ``R(0) = 0`` on panels, at their nodes."""
+    """Solve ``R' = source - decay R``, ``R(0) = 0``; return R at the nodes of the
+    panels.
+    """
     found = np.empty(source.size)
     matrix = np.empty((NODES, NODES))
     value = np.empty(NODES)
@@ -313,8 +316,8 @@ def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
 
 @inlined
 def _gone(z: complex) -> complex:
-    """``1 - exp(-z)`` without cancellation."""
-    if abs(z.real) + abs(z.imag) > 1e-3:  # else it loses more than 1e-12
+    """Return ``1 - exp(-z)`` without cancellation."""
+    if abs(z.real) + abs(z.imag) > 1e-3:  # below, this would lose more than 1e-12
         return complex(1.0 - np.exp(-z))
     return z * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)))
 
@@ -327,7 +330,7 @@ def _with_caps(
     breaks: complex,
     yields: complex,
 ) -> tuple[complex, complex]:
-    """Add what breaks at the ends of lives, all at once, and its stretching."""
+    """Add the breaks at the ends of lives, and their stretching."""
     for k in range(lifetimes.cap_x.size):
         gone = 1.0 + 0.0j if fast else _gone(q * lifetimes.cap_x[k])
         more = lifetimes.cap_weight[k] * gone
@@ -338,12 +341,12 @@ def _with_caps(
 
 @jit
 def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complexes:
-    """Transforms of a life under a perturbation, at each `q`, shape (4, n):
+    """Return the transforms of a life under a perturbation, at each `q`, shape (4, n):
     ``M_0 - Sq``, ``W``, ``L``, ``Y``.
 
-    What the survival loses under ``exp(-q x)``, the first moment of what is left, what
-    the perturbation breaks, and the stretching broken. A `fast` one leaves nothing of
-    ``exp(-q x)`` but what is at ``x = 0``.
+    They are what the survival loses under ``exp(-q x)``, the first moment of the rest,
+    the breaks that the perturbation causes, and the stretching of these breaks. With
+    `fast`, ``exp(-q x)`` vanishes except at ``x = 0``.
     """
     found = np.zeros((4, q.size), np.complex128)
     matrix = np.empty((NODES, NODES), np.complex128)
@@ -395,7 +398,7 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                 weight = lifetimes.weight[i]
                 gone = 1.0 + 0.0j
                 if not fast:
-                    # what is left of exp(-q x), from panel to panel
+                    # 1 - exp(-q x), with the exponential multiplied up over the panels
                     gone = (
                         _gone(here * x)
                         if size * x < 1e-3

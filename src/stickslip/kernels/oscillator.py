@@ -6,9 +6,9 @@ slider obeys
 
     x'' + eta x' + w x = constant + linear t + quadratic t^2/2
 
-and its motion is known for every sign of ``w``: oscillation, creep and instability;
-`flight` has a quicker expansion. Everything is per contact and in natural units
-(contact stiffness 1), in any unit of time.
+and its motion has one closed form for every sign of ``w``: oscillation, creep and
+instability; `flight` has a faster expansion. Everything is per contact and in natural
+units (contact stiffness 1), in any unit of time.
 """
 
 import math
@@ -21,7 +21,7 @@ from .drive import Quadratic, drive_at
 class Slider(NamedTuple):
     """Stiffness K of the driving spring, mass M and damping rate eta of Eq. (11).
 
-    ``stiffness = inf`` is rigid motion: the slider is where the drive is, and the other
+    ``stiffness = inf`` is rigid motion: the slider moves with the drive, and the other
     two do not matter.
     """
 
@@ -45,8 +45,8 @@ class Load(NamedTuple):
     """Force of the contacts while the slider moves on: ``force + stiffness (X(t) - X) -
     loss t - ramp t^2/2``.
 
-    `loss` is what breaking takes from the force per time at the start, `ramp` how fast
-    that grows.
+    `loss` is the rate at which breaking reduces the force at the start, and `ramp` the
+    growth of that rate.
     """
 
     force: float
@@ -56,8 +56,8 @@ class Load(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """Motion of the slider over some time: where it ends, work of the drive,
-    integral of the squared velocity.
+    """Motion of the slider over some time: position and velocity at its end, work of
+    the drive, integral of the squared velocity.
     """
 
     X: float
@@ -81,7 +81,7 @@ Response = tuple[float, float, float, float, float]
 
 @jit
 def is_rigid(slider: Slider) -> bool:
-    """Whether the slider moves with the drive."""
+    """Return whether the slider moves with the drive."""
     return math.isinf(slider.stiffness)
 
 
@@ -93,9 +93,7 @@ def spring_force(
     X: float,
     friction: float,
 ) -> float:
-    """Force of the driving spring; that of the contacts where the slider moves with
-    the drive.
-    """
+    """Return the force of the driving spring; in rigid motion, that of the contacts."""
     return (
         friction
         if is_rigid(slider)
@@ -143,10 +141,10 @@ def response(t: float, eta: float, w: float) -> Response:
 
 @jit
 def _doublings(t: float, eta: float, w: float) -> int:
-    """How often a time must be halved until a power series takes it."""
+    """Return how often a time must be halved for the power series to be accurate."""
     doublings = 0
     size = t * (eta + math.sqrt(abs(w)))
-    # ends: it is halved in each turn
+    # ends: the size is halved in each turn
     while size > 0.5:
         size *= 0.5
         doublings += 1
@@ -155,7 +153,7 @@ def _doublings(t: float, eta: float, w: float) -> int:
 
 @jit
 def _short_response(t: float, eta: float, w: float) -> Response:
-    """`response` by a power series, over a short time."""
+    """Compute `response` by a power series, for a short time."""
     term = 1.0
     before = 0.0
     v = h = h1 = h2 = h3 = 0.0
@@ -180,7 +178,7 @@ def _doubled_response(
     eta: float,
     w: float,
 ) -> Response:
-    """`response` at twice the time `t` at which it was `found`."""
+    """Return `response` at twice the time `t` at which it was `found`."""
     v, h, h1, h2, h3 = found
     g = v + eta * h  # position after starting at rest from 1
     h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
@@ -197,7 +195,7 @@ def move(
     load: Load,
     dt: float,
 ) -> Motion:
-    """Slider a time `dt` later, under the friction force that `load` describes."""
+    """Return the motion a time `dt` later, under the friction force of `load`."""
     if is_rigid(slider):
         X, V = drive_at(drive, start.time + dt)
         return Motion(start.time + dt, X, V)
@@ -219,11 +217,12 @@ def travel(
     load: Load,
     dt: float,
 ) -> Travel:
-    """`move`, with what lies on the way.
+    """Move the slider as `move` does, and integrate work and squared velocity.
 
-    The closed form is had by doubling a short time, and the motion is looked at after
-    each doubling: a step may be long against the relaxation of the slider, but each
-    moment comes soon after the one before, measured by what has not decayed by then.
+    The closed form is computed by doubling a short time, and the motion is known after
+    each doubling. So the integrals are accurate even if a step is long compared with
+    the relaxation of the slider: each interval is short compared with what has not yet
+    decayed.
     """
     if is_rigid(slider):
         return Travel(*drive_at(drive, start.time + dt), 0.0, 0.0)
@@ -257,7 +256,7 @@ def travel(
             + quadratic * found[3]
         )
         u1 = velocity + t * acceleration
-        # Quadratures from both ends, of fourth order.
+        # Fourth-order quadratures from the values and slopes at both ends.
         mean = (y1 - y) / part
         pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
         pulled1 = length + t * (velocity + 0.5 * t * acceleration) - y1
@@ -285,10 +284,10 @@ def free_amplitude(
     start: Motion,
     load: Load,
 ) -> float:
-    """Amplitude of the free oscillation, or of the creep, about the parabola that a
-    damped slider ends on.
+    """Return the amplitude of the free oscillation, or of the creep, about the parabola
+    that a damped slider approaches.
 
-    The slider must be held: by a positive stiffness of spring and contacts together.
+    Spring and contacts together must have a positive stiffness.
     """
     eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
     p2 = 0.5 * quadratic / w

@@ -1,5 +1,5 @@
 """One step of the master equation: positions and forces that agree at its nodes, and
-whether it is too long.
+the error that decides whether it is too long.
 """
 
 import math
@@ -49,14 +49,14 @@ from .records import Floats, Record
 
 @inlined
 def _unresolved(row: Floats) -> float:
-    """Error of the polynomial through the nodes, from the decay of its last
-    coefficients, each with its neighbours.
+    """Return the error of the polynomial through the nodes, estimated from the decay of
+    its last three coefficients.
     """
     a = abs(dot(LAST[2], row))
     b = abs(dot(LAST[1], row))
     c = abs(dot(LAST[0], row))
     if b > 0.0:
-        # a kink may lie where the last one has a zero
+        # a kink may lie where the last coefficient vanishes
         a = max(a, b * min(b / c, 1.0) if c > 0.0 else b)
     return a if a >= b else max(a * a / b, 0.03 * b)
 
@@ -69,7 +69,7 @@ def _observe(
     case: Case,
     dt: float,
 ) -> None:
-    """Contacts at the nodes of a step, the slider being where the nodes say."""
+    """Compute the contacts at the nodes of a step from the slider's positions there."""
     nodes = work.nodes
     A0 = state.motion.mass_in
     run_clocks(work.reading.way, nodes, case.breaking, dt)
@@ -100,8 +100,8 @@ def _newborn(
     case: Case,
     dt: float,
 ) -> float:
-    """Add what attaches in the step to what `_observe` has found, and what of it
-    breaks at once.
+    """Add the contacts that attach in the step, less those that break in it again, to
+    what `_observe` has found; return the change of the latter since the last sweep.
     """
     nodes = work.nodes
     way = work.reading.way
@@ -153,10 +153,10 @@ def _newborn(
 
 @inlined
 def heading(state: PanelsState, work: Work) -> float:
-    """Direction in which the slider moves in a step, 1 or -1; that of its last motion
-    if it is at rest.
+    """Return the direction in which the slider moves in a step, 1 or -1; if it is at
+    rest, that of its last motion.
 
-    Not that of its velocity at the start: it may turn there.
+    The velocity at the start does not give it: the slider may reverse there.
     """
     direction = work.nodes[1].x
     if direction == 0.0:
@@ -168,7 +168,7 @@ def heading(state: PanelsState, work: Work) -> float:
 
 @inlined
 def reach(nodes: Record) -> tuple[float, float]:
-    """Farthest places of the slider in a step, behind and ahead."""
+    """Return the extreme displacements of the slider in a step, behind and ahead."""
     low = high = 0.0
     for k in range(1, P + 1):
         low = min(low, nodes[k].x)
@@ -178,8 +178,8 @@ def reach(nodes: Record) -> tuple[float, float]:
 
 @inlined
 def only_lose(case: Case) -> bool:
-    """Whether contacts bring no energy where they attach stretched, or slide with
-    more force than broke them.
+    """Return whether contacts never add energy: they neither attach stretched nor slide
+    with more force than broke them.
     """
     newborn = case.newborn.stretching
     return bool(newborn.size == 1 and newborn[0] == 0.0 and case.sliding_force == 0.0)
@@ -187,8 +187,8 @@ def only_lose(case: Case) -> bool:
 
 @inlined
 def element_at(state: PanelsState, case: Case, y: float) -> float:
-    """Force of the element that stands for the detached contacts: elastic, as
-    contacts are, until it yields.
+    """Return the force of the element that represents the detached contacts: elastic,
+    as contacts are, until it yields.
     """
     return float(
         max(min(state.motion.element + y, case.sliding_force), -case.sliding_force)
@@ -203,7 +203,7 @@ def _slide(
     k: int,
     direction: float,
 ) -> None:
-    """Add the force that detached contacts carry."""
+    """Add the force of the detached contacts."""
     nodes = work.nodes
     e = element_at(state, case, nodes[k].x)
     detached = 1.0 - nodes[k].attached
@@ -216,12 +216,12 @@ def _slide(
 
 @bare
 def _hold(work: Work, delays: Delays, dt: float) -> None:
-    """Leave attached only what holds by the paper's approximation, Eq. (10), at the
-    breaking rate of the moment.
+    """Keep attached the fraction of the paper's approximation, Eq. (10), at the present
+    breaking rate.
 
-    Contacts re-attach at once, and the attached fraction follows the rate. It has no
-    memory of what broke when, and oscillates in its own, spurious way; it is exact for
-    the mean force of steady sliding.
+    Contacts re-attach at once, and the attached fraction follows the rate. The
+    approximation has no memory of when contacts broke, and has a spurious oscillation
+    of its own; it is exact for the mean force of steady sliding.
     """
     nodes = work.nodes
     nodes[0] = nodes[FIRST]
@@ -235,7 +235,7 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
 
 @inlined
 def _slope(work: Work, k: int, c: int) -> float:
-    """Slope of the force at one node in the slider's place at another."""
+    """Return the slope of the force at node `k` in the position at node `c`."""
     nodes = work.nodes
     way = work.reading.way
     slope = (
@@ -251,8 +251,8 @@ def _newton(
     case: Case,
     dt: float,
 ) -> float:
-    """Move the slider at the nodes by one step of Newton's method; the largest
-    change of place.
+    """Move the slider at the nodes by one step of Newton's method; return the largest
+    change of position.
     """
     nodes = work.nodes
     stiffness = work.matrix[P : 2 * P]
@@ -265,7 +265,7 @@ def _newton(
         for c in range(P):
             stiffness[r, c] = _slope(work, r + 1, c + 1)
         stiffness[r, r] += K
-    if M == 0.0:  # in balance
+    if M == 0.0:  # the forces are in equilibrium
         solve(stiffness, V)
         for r in range(P + 1):
             total = 0.0
@@ -292,7 +292,7 @@ def _accelerate(
     eta: float,
     dt: float,
 ) -> None:
-    """Find the velocities at the nodes from forces and stiffness, and leave them in
+    """Compute the velocities at the nodes from forces and stiffness, and store them in
     place of the forces.
     """
     matrix = work.matrix[:P]
@@ -324,8 +324,8 @@ def _pull(
     case: Case,
     dt: float,
 ) -> None:
-    """Net force at the nodes if the slider stayed at the origin, by the slopes
-    found.
+    """Compute the net force at the nodes for a slider that stayed at the origin,
+    linearized with the slopes found.
     """
     nodes = work.nodes
     K = case.slider.stiffness
@@ -367,8 +367,8 @@ def _begin(
 ) -> None:
     """Guess the positions of the slider at the nodes, as if nothing more broke.
 
-    A rigid one is put to where it is driven, and one without mass to where it went at
-    the same velocity: as it breaks contacts it has next to no stiffness.
+    In rigid motion they are those of the drive. A slider without mass is guessed to
+    keep its velocity: while it breaks contacts it has hardly any stiffness.
     """
     nodes = work.nodes
     motion = state.motion
@@ -414,7 +414,7 @@ def _start(
     nodes[0].force = F
     nodes[0].attached = A
     nodes[0].stored = E
-    if is_fixed(case.breaking):  # else clocks have made it what it was
+    if is_fixed(case.breaking):  # otherwise the slope is that of the step before
         nodes[0].slope = S
     if case.sliding_force > 0.0:
         _slide(state, work, case, 0, heading(state, work))
@@ -432,11 +432,11 @@ def try_step(
     dt: float,
     smallest: float,
 ) -> float:
-    """Solve a step without taking it; its error in tolerances (above 1: too long), or
-    `NOT_CONVERGED`.
+    """Solve a step without accepting it; return its error in tolerances (above 1: too
+    long), or `NOT_CONVERGED`.
 
-    A step of the `smallest` length is solved however rough it is, for no shorter one is
-    tried: what re-attaches may jump in it.
+    A step of the `smallest` length is solved however rough the re-attachment in it is,
+    even a jump: no shorter step is tried.
     """
     nodes = work.nodes
     motion = state.motion
@@ -475,7 +475,7 @@ def try_step(
                 moved,
             )
             change = max(change, moved)
-            # it goes away
+            # the iteration diverges
             if not change < 1e3 or moved > max(before, case.accuracy.width):
                 return NOT_CONVERGED
             low1, high1 = reach(nodes)
@@ -488,10 +488,10 @@ def try_step(
             break
         if sweep == MOST_SWEEPS - 1:
             return NOT_CONVERGED
-    if not rigid:  # once more, at the places where the slider has come to lie
+    if not rigid:  # once more, at the final positions of the slider
         _observe(state, work, count, case, dt)
         _newborn(state, work, case, dt)
-    if not case.delays.memoryless:  # what broke in the last sweep re-attaches, too
+    if not case.delays.memoryless:  # contacts broken in the last sweep re-attach too
         all_reattachment(work, case.delays, dt)
         for k in range(P + 1):
             nodes[k].attached = motion.mass_in - nodes[k].broken + nodes[k].reattached
@@ -500,8 +500,8 @@ def try_step(
 
 @bare
 def _trouble(nodes: Record, case: Case, dt: float) -> float:
-    """Error of a solved step in tolerances, or how far the slider goes over what its
-    nodes resolve, the larger.
+    """Return the larger of the error of a solved step, in tolerances, and of the
+    slider's displacement over what the nodes resolve.
     """
     slider = case.slider
     tol = case.accuracy.tolerance

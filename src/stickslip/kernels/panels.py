@@ -1,16 +1,16 @@
 """The master equation, Eqs. (1)-(4), under the motion of a slider, Eq. (11), or a
 prescribed one: error-controlled.
 
-A step of time is a panel, on which position, force, and what breaks and attaches are
-polynomials through its nodes. The slider is a damped oscillator under a force that
-depends on where it is (`cohorts`): equations are met at the nodes of Radau, by Newton's
-method. What attaches in a step becomes a cohort of nodes of Gauss; what breaks
-re-attaches after a delay, of given times or spread by a distribution. So the order is
-that of the polynomials, five, wherever the motion is smooth. It is not where the slider
-turns, where it passes a place at which it has turned before, and where what broke at
-such a moment re-attaches: steps end there. A step is tried again, shorter, if the last
-coefficients of its polynomials do not fall far enough, or if what attaches in it is
-spread too far for the nodes of Gauss.
+A step of time is a panel, on which position, force, and the mass that breaks and
+attaches are polynomials through its nodes. The slider is a damped oscillator under a
+force that depends on its position (`cohorts`): the equations are satisfied at Radau
+nodes, by Newton's method. The mass that attaches in a step becomes a cohort of Gauss
+nodes; the mass that breaks re-attaches after delays, fixed or distributed. So the order
+is that of the polynomials, five, wherever the motion is smooth. It is not smooth where
+the slider reverses, where it passes a place at which it has reversed before, and where
+mass that broke at such a moment re-attaches: steps end there. A step is rejected, and a
+shorter one tried, if the last coefficients of its polynomials do not decay fast enough,
+or if the places where mass attaches in it are too far apart for the Gauss nodes.
 
 Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and
 ``k``, any unit of time.
@@ -75,14 +75,14 @@ from .quadrature import (
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
 
-# What ends a step: nothing but its length; or the slider turns, it passes the last
-# place where it turned, or detached contacts begin to slide. `FAILS` if even the
-# smallest one has no solution.
+# What ends a step: only its length; or the slider reverses, or passes the last place
+# where it reversed, or detached contacts begin to slide. `FAILS` if even the smallest
+# step has no solution.
 SMOOTH, TURNS, PASSES, SLIDES, FAILS = range(5)
 
 
 class Wanted(NamedTuple):
-    """End of a call: a time or a condition; times of the samples, and room for them."""
+    """End of a call: a time or a condition; times of the samples, and rows for them."""
 
     until: float
     stop: Stop
@@ -97,8 +97,8 @@ def _crossing(
     level: float,
     sign: float,
 ) -> float:
-    """First place, in (0, 1], where values at the nodes cross a level, in the
-    direction of `sign`; 2 if nowhere.
+    """Return the first place, in (0, 1], where values at the nodes cross a level in the
+    direction of `sign`; 2 if there is none.
     """
     for k in range(1, P + 1):
         if (row[k] - level) * sign > 0.0:
@@ -121,7 +121,7 @@ def _sum_energies(
     case: Case,
     dt: float,
 ) -> None:
-    """Energies up to each node of a step."""
+    """Compute the energies up to each node of a step."""
     nodes = work.nodes
     motion = state.motion
     slider = case.slider
@@ -149,7 +149,7 @@ def _sum_energies(
 
 @bare
 def _keep_panel(state: PanelsState, nodes: Record, dt: float) -> None:
-    """Keep what broke in a step, for the contacts that re-attach later."""
+    """Store the mass that broke in a step, for contacts that re-attach later."""
     motion = state.motion
     n = state.used.panels
     for j in range(Q):
@@ -165,7 +165,7 @@ def _keep_panel(state: PanelsState, nodes: Record, dt: float) -> None:
 def _commit(
     state: PanelsState, work: Work, case: Case, dt: float, direction: float
 ) -> None:
-    """Make cohorts and a panel of what a step has done to infinitely many contacts."""
+    """Update cohorts and panels after a step, for infinitely many contacts."""
     nodes = work.nodes
     motion = state.motion
     breaking = case.breaking
@@ -175,7 +175,7 @@ def _commit(
     cohorts = state.cohorts
     way = work.reading.way
     last = nodes.size - 2
-    room = len(cohorts) - newborn.stretching.size  # for what attaches
+    room = len(cohorts) - newborn.stretching.size  # leave some for newborns
     state.used.cohorts = divide_passed(
         cohorts, state.used.cohorts, origin + y, breaking, room
     )
@@ -246,7 +246,7 @@ def _move(
     motion.attached = nodes[P].attached
     motion.work += nodes[P].work
     motion.damped += nodes[P].damped
-    # What the slider did to the contacts, and they do not store.
+    # Work of the slider on the contacts that they do not store.
     motion.lost += max(nodes[P].lost, 0.0) if only_lose(case) else nodes[P].lost
     motion.stored = nodes[P].stored
     motion.drive_force = spring_force(
@@ -275,7 +275,7 @@ def _sample(
     row.position = start.position + along(curves.x, u)
     row.velocity = along(curves.v, u)
     row.contact_force = along(curves.force, u)
-    # a polynomial overshoots
+    # the polynomial may overshoot
     row.attached = min(max(along(curves.attached, u), 0.0), 1.0)
     row.work = start.work + along(curves.work, u)
     row.damped = start.damped + along(curves.damped, u)
@@ -294,7 +294,7 @@ def _sample(
 
 @bare
 def _first_step(state: PanelsState, case: Case) -> float:
-    """Length of a first step, so short that it needs no step before it."""
+    """Return the length of a first step, short enough without a step before it."""
     if is_rigid(case.slider) or case.slider.mass == 0.0:
         return float(
             0.1 * case.accuracy.width / max(abs(state.motion.velocity), 1e-300)
@@ -304,7 +304,7 @@ def _first_step(state: PanelsState, case: Case) -> float:
 
 @bare
 def _arrest(state: PanelsState, case: Case, finite: FiniteNumber | None) -> None:
-    """Re-attach all that is detached where the slider is."""
+    """Re-attach all detached contacts where the slider is."""
     motion = state.motion
     newborn = case.newborn
     cohorts = state.cohorts
@@ -340,8 +340,8 @@ def _arrest(state: PanelsState, case: Case, finite: FiniteNumber | None) -> None
 
 @bare
 def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int]:
-    """Find the first event within a smooth step that was tried; return at which part of
-    the step, and what it is.
+    """Find the first event within a solved, smooth step; return the fraction of the
+    step at which it occurs, and its kind.
     """
     motion = state.motion
     nodes = work.nodes
@@ -350,7 +350,7 @@ def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int
     u = _crossing(nodes.v, work.curves.v, 0.0, -s)
     if u < 1.0:
         fit(work.nodes.x, work.curves.x)
-        # it has turned at the start
+        # the slider has reversed at the start
         if nodes[0].v != 0.0 and abs(along(work.curves.x, u)) < 1e-3 * tol:
             s = -s
             u = _crossing(nodes.v, work.curves.v, 0.0, -s)
@@ -394,8 +394,8 @@ def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int
 
 @bare
 def _misled(state: PanelsState, work: Work, case: Case) -> float:
-    """Error of the force where newborns are stretched along the heading of a step but
-    the slider moves against it.
+    """Return the error of the force if newborns are stretched along the heading of a
+    step but the slider moves against it.
     """
     nodes = work.nodes
     direction = heading(state, work)
@@ -426,7 +426,7 @@ def _step(
         planned = _first_step(state, case)
     event = SMOOTH
     stretched = case.newborn.stretching.size > 1 or case.newborn.stretching[0] != 0.0
-    # ends: a step that fails is cut, and the smallest one taken
+    # ends: a rejected step is shortened, and the smallest one accepted
     while True:
         dt = min(planned, most)
         if event == SMOOTH and dt < most < 1.6 * dt:
@@ -450,7 +450,7 @@ def _step(
                 and stretched
                 and ahead * dt > 1e-4 * case.accuracy.tolerance
             ):
-                event = SMOOTH  # not quite
+                event = SMOOTH  # the slider has not quite come to rest
             return dt, event
         u, event = _first_event(state, work, case)
         if (
@@ -477,8 +477,8 @@ def _held(
     wanted: Wanted,
     dt: float,
 ) -> float:
-    """Length of a step up to the first sample at which the condition holds; else all
-    of it.
+    """Return the length of a step up to the first sample at which the condition holds;
+    else all of it.
     """
     motion = state.motion
     n = state.used.sampled
@@ -508,8 +508,8 @@ def _turn(
     dt: float,
     broke: bool,
 ) -> None:
-    """Note a place where the slider turns, at the end of a step in which contacts
-    `broke`.
+    """Record a place where the slider reverses, at the end of a step in which contacts
+    broke if `broke`.
     """
     motion = state.motion
     if case.breaking.knots.size > 0:
@@ -538,7 +538,7 @@ def _turn(
 
 @bare
 def _pass(state: PanelsState, work: Work, event: int) -> None:
-    """Remove the last two turning points of the slider, if a step has passed them."""
+    """Remove the last two turning points of the slider if a step has passed them."""
     motion = state.motion
     e = state.used.extremes
     if event == PASSES:
@@ -562,7 +562,7 @@ def _sample_all(
     dt: float,
     end: float,
 ) -> None:
-    """Sample a step up to its end."""
+    """Fill the samples of a step up to its end."""
     motion = state.motion
     used = state.used
     start = work.before[0]
@@ -584,8 +584,8 @@ def _sample_all(
 
 @bare
 def _sample_here(state: PanelsState, wanted: Wanted, smallest: float) -> bool:
-    """Fill the samples that are due where a step begins; return whether the condition
-    holds there.
+    """Fill the samples that are due at the start of a step; return whether the stop
+    condition holds there.
     """
     motion = state.motion
     used = state.used
@@ -602,7 +602,7 @@ def _sample_here(state: PanelsState, wanted: Wanted, smallest: float) -> bool:
     return False
 
 
-@jit  # which gives the generator back; the others make no array
+@jit  # not `bare`: numba must return the random generator of `finite`
 def _run(
     state: PanelsState,
     work: Work,
@@ -610,7 +610,7 @@ def _run(
     finite: FiniteNumber | None,
     wanted: Wanted,
 ) -> int:
-    """Take steps until there is a reason to come back."""
+    """Take steps until there is a reason to return."""
     motion = state.motion
     nodes = work.nodes
     used = state.used
@@ -652,7 +652,7 @@ def _run(
         nodes[0].force = motion.contact_force
         nodes[0].slope = motion.slope
         if counted and stop.kind != NOWHERE and used.sampled < wanted.times.size:
-            # the condition is looked at where all is drawn
+            # the condition is checked where all draws have been made
             most = min(most, wanted.times[used.sampled] - motion.time)
         dt, event = _step(state, work, case, most, smallest)
         work.before[0] = motion
@@ -722,25 +722,25 @@ def advance_panels(
     stop: Stop = Stop(),
     max_steps: int = 2**62,
 ) -> tuple[PanelsState, Record, int]:
-    """Go on from a state, which is not changed, under one piece of the drive that ends
-    at the time `until`.
+    """Advance a copy of the state under one piece of the drive, which ends at the time
+    `until`.
 
     Neither the samples, at rising times, nor the pauses after `max_steps` change the
-    steps; but with a finite number of contacts the samples of a piece with a condition
-    are ends of steps, and other samples another run. Returns the state, a row for each
-    sample time that was passed, and why: `FINISHED`, `STOPPED`, `PAUSED`, or `UNSOLVED`
-    where Newton's method fails in a step however short.
+    steps. But with a finite number of contacts and a stop condition, steps end at the
+    samples, and other samples give another run. Returns the state, a row for each
+    sample time that was passed, and the reason: `FINISHED`, `STOPPED`, `PAUSED`, or
+    `UNSOLVED` if Newton's method fails even in the smallest step.
     """
     state = copy.deepcopy(state)
     finite = case.finite
-    # apart, so that what does not ask for it is compiled once
+    # separate, so that functions that do not use it are compiled once
     case = case._replace(finite=None)
     times = np.asarray(times, float)
     rows = np.empty(times.size, MOTION).view(np.recarray)
     wanted = Wanted(until, stop, times, rows)
     state.used.sampled = 0
     state.used.left = max_steps
-    # ends: each turn doubles the room, and memory ends
+    # ends: each turn doubles the room, until memory runs out
     while (
         reason := _run(state, _room_to_work(state, case.breaking), case, finite, wanted)
     ) == NO_ROOM:
@@ -782,7 +782,7 @@ def _with_room(
     case: Case,
     finite: FiniteNumber | None,
 ) -> PanelsState:
-    """Return the state with room for more cohorts, some of them joined, and for more
+    """Return the state with room for more cohorts, after joining some, and for more
     panels.
     """
     used = state.used

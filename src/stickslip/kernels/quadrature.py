@@ -1,9 +1,9 @@
-"""Rules of integration and interpolation on a panel: a step of time, in which all is a
-polynomial.
+"""Rules of integration and interpolation on a panel: a time step in which all variables
+are polynomials.
 
-A panel has `P` nodes of Radau behind its start, at which equations are met, and `Q`
-nodes of Gauss, which stand for what happens in it: the integral of anything smooth over
-the panel is a sum over them.
+A panel has `P` Radau nodes after its start, at which equations are solved, and `Q`
+Gauss nodes, at which events in it are represented: the integral of a smooth function
+over the panel is a sum over them.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ from .records import Complexes, Floats
 
 Numbers = Floats | Complexes
 
-P = 5  # nodes of a step behind its start; its order is ``P + 1``
-# nodes that stand for what attaches in a step; they integrate polynomials up to order
+P = 5  # nodes of a step after its start; the order of the scheme is ``P + 1``
+# nodes for the contacts that attach in a step; they integrate polynomials up to order
 # ``2 Q - 1``
 Q = 4
 
 
 def _powers(nodes: Floats) -> Floats:
-    """Coefficients of the polynomials that are 1 at one node and 0 at the others."""
+    """Coefficients of the polynomials that are 1 at one node and 0 at all others."""
     return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)))
 
 
@@ -36,21 +36,21 @@ def _slopes(nodes: Floats, points: Floats) -> Floats:
 
 
 def integrals(nodes: Floats) -> Floats:
-    """Integrals from 0 to each node of the polynomials that are 1 at one node and 0
-    at the others.
+    """Integrals from 0 to each node of the polynomials that are 1 at one node and 0 at
+    all others.
     """
     power = np.arange(1, nodes.size + 1)
     return np.ascontiguousarray((nodes[:, None] ** power / power) @ _powers(nodes))
 
 
 def radau(count: int) -> Floats:
-    """Places on (0, 1] where the Legendre polynomials of the last two orders are
+    """Radau nodes on (0, 1]: where the Legendre polynomials of the last two orders are
     equal; the last is 1.
     """
     difference = np.zeros(count + 1)
     difference[count] = 1.0
     difference[count - 1] = -1.0
-    # from numpy 2.5 on complex, whatever they are
+    # from numpy 2.5 on the roots are complex numbers, with imaginary parts of 0
     roots = np.real(np.polynomial.legendre.legroots(difference))
     places = np.sort(0.5 * (1.0 + roots))
     places[-1] = 1.0
@@ -58,14 +58,14 @@ def radau(count: int) -> Floats:
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
-    """Nodes and weights of Gauss on (0, 1)."""
+    """Gauss nodes and weights on (0, 1)."""
     x, weight = np.polynomial.legendre.leggauss(count)
     return 0.5 * (1.0 + x), 0.5 * weight
 
 
 def lobatto(order: int) -> Floats:
-    """Ends of [0, 1], and where the Legendre polynomial of an order is steepest or
-    lowest.
+    """Lobatto nodes: the ends of [0, 1], and the extremes of the Legendre polynomial of
+    an order.
     """
     inner = np.polynomial.legendre.Legendre.basis(order).deriv().roots()
     return np.asarray(
@@ -76,34 +76,34 @@ def lobatto(order: int) -> Floats:
 # start and nodes of a step, as fractions of it, shape (P + 1,)
 NODE = np.append(0.0, radau(P))
 COLLOCATION = integrals(NODE[1:])
-"""Integrals up to each node from the values at the nodes, the start left out: the
-scheme Radau IIA.
+"""Integrals up to each node from the values at the nodes, without the start: the scheme
+Radau IIA.
 """
 INTEGRAL = integrals(NODE)  # the same from the values at the start and the nodes
 MONOMIAL = _powers(NODE)  # coefficients of the polynomial through start and nodes
 SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))  # slopes at start and nodes
 GAUSS, WEIGHT = gauss(Q)
-"""Nodes and weights of Gauss, shape (Q,)."""
-# coefficients of the polynomial through the nodes of Gauss
+"""Gauss nodes and weights, shape (Q,)."""
+# coefficients of the polynomial through the Gauss nodes
 GAUSS_MONOMIAL = _powers(GAUSS)
 PART = np.stack([_values(NODE, u * GAUSS) for u in NODE[1:]])
-"""Values at the nodes of Gauss between the start and each node, shape (P, Q, P + 1)."""
+"""Values at the Gauss nodes between the start and each node, shape (P, Q, P + 1)."""
 INCREASE = np.stack(
     [_slopes(NODE, u * GAUSS) * (u * WEIGHT)[:, None] for u in NODE[1:]]
 )
-"""Slopes there times weights: what part of an increase belongs to each node of
-Gauss.
+"""Slopes at the same points times weights: the part of an increase that belongs to each
+Gauss node.
 """
 _CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODE - 1, P))
 LAST = np.ascontiguousarray(_CHEBYSHEV[P - 2 :])
-"""Coefficients of the last three Chebyshev polynomials: they tell whether the
+"""Coefficients of the last three Chebyshev polynomials, which show whether the
 polynomial is resolved.
 """
 
 
 @inlined
 def dot(weights: Floats, row: Floats) -> float:
-    """Sum of products."""
+    """Sum of the products of two rows."""
     total = 0.0
     for i in range(weights.size):
         total += weights[i] * row[i]
@@ -119,7 +119,7 @@ def fit(row: Floats, curve: Floats) -> None:
 
 @inlined
 def along(curve: Floats, u: float) -> float:
-    """Value at ``0 <= u <= 1`` of a polynomial that `fit` has found."""
+    """Value at ``0 <= u <= 1`` of a polynomial from `fit`."""
     total = curve[P]
     for a in range(P - 1, -1, -1):
         total = total * u + curve[a]
@@ -135,8 +135,8 @@ def bisect(
     high: float,
     times: int,
 ) -> tuple[float, float]:
-    """Bracket where a polynomial crosses a level, in the direction of `sign`, between
-    two places, by bisection.
+    """Bracket, by bisection between two points, where a polynomial crosses a level in
+    the direction of `sign`.
     """
     for _ in range(times):
         middle = 0.5 * (low + high)
@@ -149,8 +149,8 @@ def bisect(
 
 @bare
 def between(row: Floats, u: float) -> float:
-    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes;
-    that at the start stays exact.
+    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes, so
+    computed that the value at the start is exact.
     """
     total = 0.0
     base = row[0]
@@ -164,8 +164,8 @@ def between(row: Floats, u: float) -> float:
 
 @inlined
 def solve(matrix: Numbers, value: Numbers) -> None:
-    """Solve a small system in place, without pivoting: collocation matrices are near
-    the identity or diagonal.
+    """Solve a small system in place, without pivoting, as collocation matrices are
+    close to the identity or diagonal.
     """
     n = value.size
     for k in range(n):
@@ -183,8 +183,8 @@ def solve(matrix: Numbers, value: Numbers) -> None:
 
 @inlined
 def value(row: Floats, curve: Floats, u: float) -> float:
-    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes,
-    which it leaves in `curve`.
+    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes;
+    `curve` is filled with its coefficients.
     """
     fit(row, curve)
     return along(curve, u)

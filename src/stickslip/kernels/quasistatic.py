@@ -1,15 +1,16 @@
-"""A chain on contacts in balance all the time: from event to event, without inertia and
-without steps.
+"""A chain of blocks that is always in equilibrium: from event to event, without inertia
+and without time steps.
 
-Between two events the displacements are linear in the position of the drive, by one
-tridiagonal system. A break or a re-attachment leaves a force out of balance; the drive
-then stands still while it is let go, evenly and along a straight line, and the first
-contact that reaches its threshold on the way breaks there. So a slip is a cascade of
-breaks in no time, each at its threshold; what is let go counts as damped.
+Between two events the displacements are linear in the position of the drive; a
+tridiagonal system gives them. A break or a re-attachment leaves an unbalanced force.
+Then the drive stands still while this force is released uniformly, along a straight
+line of the displacements, and the first contact that reaches its threshold on the way
+breaks there. So a slip is an instantaneous cascade of breaks, each at its threshold;
+the energy released counts as damped.
 
-The state is that of `blocks`, and so is what a break does. The element of the detached
-contacts is elastic, and adds to the stiffness of its block, unless it slides on the way
-ahead.
+The state and the effect of a break are those of `blocks`. The element of the detached
+contacts is elastic, and adds to the stiffness of its block, unless it slides in the
+direction of motion.
 """
 
 import math
@@ -32,7 +33,7 @@ from .records import Floats
 from .tournament import smallest, winner
 
 LET_GO, DRIVEN = range(2)
-# an element this near to its sliding force slides, if it is pulled that way
+# an element this near to its sliding force slides if it is pulled that way
 _ON_THE_EDGE = 1e-10
 
 
@@ -64,8 +65,8 @@ def _solve_ring(
     Y: Floats,
     work: Floats,
 ) -> None:
-    """Solve it with the two corners of a ring: as a chain, and a correction of rank
-    one.
+    """Solve the system with the two corners of a ring: as a chain, with a correction of
+    rank one.
     """
     n = Y.size
     first = diagonal[0]
@@ -95,7 +96,7 @@ def _answer(
     room: Floats,
 ) -> bool:
     """Find how the blocks move (``room[0]``) as forces `right` are added; return
-    whether it was found which elements slide.
+    whether the elements that slide were determined.
 
     `direction` is the sign of the path.
     """
@@ -104,7 +105,7 @@ def _answer(
     Y = room[0]
     diagonal = room[1]
     stuck = room[2]
-    # a ring, where the last block is a neighbour of the first
+    # it is a ring if the last block is a neighbour of the first
     coupling = 0.0
     closed = False
     for m in range(network.spring.shape[1]):
@@ -123,7 +124,7 @@ def _answer(
             )
         else:
             stuck[j] = 0.0
-    for _ in range(64):  # which elements slide depends on the answer
+    for _ in range(64):  # which elements slide depends on the solution
         for j in range(n):
             bonds = 0.0
             for m in range(network.spring.shape[1]):
@@ -160,8 +161,8 @@ def _first(
     most: float,
     room: Floats,
 ) -> tuple[float, int, int]:
-    """Distance along ``direction * room[0]`` to the first event, up to `most`; its
-    block; 1 if it is a break.
+    """Return the distance along ``direction * room[0]`` to the first event, up to
+    `most`; its block; 1 if it is a break.
     """
     blocks = state.motion.blocks
     Y = room[0]
@@ -199,7 +200,7 @@ def _go(
     piece: Piece,
     room: Floats,
 ) -> None:
-    """Move all blocks along, and the drive to where it is at `time`."""
+    """Move all blocks along ``room[0]``, and the drive to its position at `time`."""
     blocks = state.motion.blocks
     now = state.motion.now
     before, _ = drive_at(piece.drive, now.time)
@@ -232,7 +233,7 @@ def _follow(
 
 @inlined
 def _time_of(piece: Piece, now: float, distance: float) -> float:
-    """When the drive has gone a signed distance further."""
+    """Return when the drive will have moved by a signed distance."""
     _, v = drive_at(piece.drive, now)
     root = math.sqrt(max(v * v + 2.0 * piece.drive.acceleration * distance, 0.0))
     return now + 2.0 * distance / (v + math.copysign(root, distance))
@@ -246,8 +247,8 @@ def _break_there(
     sliding: float,
     draws: BlockDraws,
 ) -> int:
-    """Break all contacts of a block at their thresholds where it stands, moving this
-    way.
+    """Break all contacts of a block that are at their thresholds for this direction of
+    motion.
     """
     blocks = state.motion.blocks
     X = blocks.X[j] = (
@@ -259,7 +260,7 @@ def _break_there(
         else state.contacts.tree_behind[j]
     )
     why = drive.ON_THE_WAY
-    # ends: each turn breaks a contact that the slider has passed
+    # ends: each turn breaks a contact that the block has passed
     while smallest(tree) <= direction * X:
         delay = next_delay(state.contacts, j, draws)
         if math.isnan(delay):
@@ -281,11 +282,11 @@ def _break_there(
 
 @bare
 def _attach_due(state: BlocksState, sliding: float, draws: BlockDraws) -> int:
-    """Attach what is due."""
+    """Attach the contacts that are due."""
     blocks = state.motion.blocks
     now = state.motion.now.time
     for j in range(blocks.X.size):
-        # ends: each turn attaches one of those that wait
+        # ends: each turn attaches one of the waiting contacts
         while state.contacts.next_attach[j] <= now:
             threshold = next_threshold(state.contacts, j, draws)
             if math.isnan(threshold):
@@ -306,7 +307,7 @@ def _out_of_balance(
     sliding: float,
     right: Floats,
 ) -> None:
-    """Forces on the blocks that nothing balances."""
+    """Compute the unbalanced forces on the blocks."""
     blocks = state.motion.blocks
     D, _ = drive_at(piece.drive, state.motion.now.time)
     for j in range(blocks.X.size):
@@ -331,7 +332,7 @@ def _let_go(
     draws: BlockDraws,
     room: Floats,
 ) -> int:
-    """Relax the unbalanced force up to the first event, and let it happen."""
+    """Release the unbalanced force up to the first event, and handle that event."""
     blocks = state.motion.blocks
     now = state.motion.now
     right = room[6]
@@ -369,8 +370,8 @@ def advance_quasistatic(
     budget: int,
     room: Floats,
 ) -> int:
-    """Go on to the end of a piece, or until `budget` events times blocks are spent; why
-    it returned.
+    """Advance to the end of a piece, or until `budget` events times blocks are spent;
+    return the reason to stop.
 
     The state is that of `blocks.make_state`; `room` has shape (7, n).
     """
@@ -378,7 +379,7 @@ def advance_quasistatic(
     now = state.motion.now
     n = blocks.X.size
     spent = now.spent
-    # ends: each event is spent
+    # ends: each event adds to what is spent
     while now.spent - spent <= budget:
         now.spent += n
         why = _attach_due(state, sliding, draws)
@@ -393,7 +394,7 @@ def advance_quasistatic(
             if has_broken(state.contacts, j):
                 now.block = j
                 return drive.ARRESTED
-        # As far as the drive goes one way, or to the next re-attachment.
+        # Until the drive reverses, or the next re-attachment.
         time = now.time
         D, _ = drive_at(piece.drive, time)
         until = min(piece.end, turns_at(piece.drive, time))

@@ -55,12 +55,12 @@ _ERROR = np.array(
     ]
 )
 
-# logarithm of the velocity over the first one beyond which the slider has run away
+# ln(v/v0) above which the slider has run away
 _FASTEST = 60.0
 
-# steps from one time to the next: some 10 s
+# most steps from one time to the next: they take some 10 s
 _MOST_STEPS = 10_000_000
-_STEPS_TOLD = (
+_TOO_MANY_STEPS = (
     "more than 10,000,000 steps from one time to the next; give a softer spring, or "
     "more times in between"
 )
@@ -77,14 +77,14 @@ def slide(
     pull: Floats,
     tolerance: float,
 ) -> Floats:
-    """Friction of a slider without mass on a spring, from steady sliding at the first
+    """Friction of a massless slider on a spring, from steady sliding at the first
     velocity of the pull.
 
     ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law)
     or ``-(v theta/D) ln(v theta/D)`` (slip law), and ``F' = stiffness (pull - v)``;
     `pull` holds from each time to the next. Returns friction relative to the start,
-    ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away. The tolerance
-    is of the logarithms, a step.
+    ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away. `tolerance`
+    is the largest error of the logarithms in a step.
     """
     found = np.full((3, times.size), np.nan)
     slope = np.zeros((7, 2))
@@ -104,7 +104,7 @@ def slide(
             if not t < times[k + 1]:
                 break
             if turn == _MOST_STEPS:
-                raise RuntimeError(_STEPS_TOLD)
+                raise RuntimeError(_TOO_MANY_STEPS)
             last = h >= times[k + 1] - t
             if last:
                 h = times[k + 1] - t

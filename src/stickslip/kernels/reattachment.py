@@ -1,5 +1,5 @@
-"""Mass that re-attaches during a step: from breaks one delay earlier, and from
-breaks within the step.
+"""Mass that re-attaches during a step: from breaks one delay earlier, and from breaks
+within the step.
 """
 
 import math
@@ -13,7 +13,9 @@ from .survival import value_at
 
 @bare
 def _panel_at(state: PanelsState, t: float) -> int:
-    """Panel of a time before now; the first one for all before it."""
+    """Return the panel that contains a time before now; the first one if it is earlier
+    than all.
+    """
     low = 0
     high = state.used.panels
     # ends: half of the panels are left in each turn
@@ -28,14 +30,14 @@ def _panel_at(state: PanelsState, t: float) -> int:
 
 @inlined
 def _broken_at(state: PanelsState, t: float) -> float:
-    """Mass broken up to a time before now."""
+    """Return the mass broken up to a time before now."""
     return in_panel(state.panels, _panel_at(state, t), t)
 
 
 @inlined
 def in_panel(panels: Floats, k: int, t: float) -> float:
-    """Mass broken up to a time by the polynomial of a panel; before and after it, up
-    to its ends.
+    """Return the mass broken up to a time by the polynomial of a panel; outside the
+    panel, its value at the nearer end.
     """
     return between(
         panels[k, 2 : 3 + P], min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0)
@@ -49,7 +51,9 @@ def known_reattachment(
     delays: Delays,
     dt: float,
 ) -> None:
-    """Sum what re-attaches up to each node of a step of what broke before it."""
+    """Sum, for each node of a step, the mass that re-attaches up to it and broke before
+    the step.
+    """
     nodes = work.nodes
     t = state.motion.time
     for k in range(P + 1):
@@ -77,7 +81,7 @@ def _add_spread_delays(
     delays: Delays,
     dt: float,
 ) -> None:
-    """Add what re-attaches after a delay of the continuous part."""
+    """Add the mass that re-attaches after delays from the continuous distribution."""
     panels = state.panels
     nodes = work.nodes
     table = delays.continuous
@@ -101,8 +105,8 @@ def _add_spread_delays(
 
 @bare
 def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
-    """Sum what re-attaches up to each node: what was known, and of what breaks in the
-    step itself.
+    """Sum the mass that re-attaches up to each node: the known part, and the part that
+    breaks in the step itself.
     """
     nodes = work.nodes
     for k in range(1, P + 1):
@@ -137,7 +141,7 @@ def next_front(
     t: float,
     smallest: float,
 ) -> float:
-    """The next time at which what broke at a rough moment re-attaches."""
+    """Return the next time at which mass that broke at a rough moment re-attaches."""
     front = math.inf
     for delay in delays.time:
         for moment in state.rough:
@@ -148,7 +152,7 @@ def next_front(
 
 @bare
 def mark_rough(state: PanelsState, t: float) -> None:
-    """Remember a moment at which what breaks has no smooth rate."""
+    """Remember a moment at which the breaking rate is not smooth."""
     n = state.used.rough
     size = state.rough.size
     if n == 0 or state.rough[(n - 1) % size] < t:
@@ -158,8 +162,8 @@ def mark_rough(state: PanelsState, t: float) -> None:
 
 @bare
 def forget(state: PanelsState, delays: Delays, spare: int) -> bool:
-    """Forget panels of which all has re-attached; whether there is room now, for
-    `spare` cohorts among others.
+    """Remove panels whose mass has all re-attached; return whether there is then room
+    for one more panel and for `spare` more cohorts.
     """
     n = state.used.panels
     if n == state.panels.shape[0]:

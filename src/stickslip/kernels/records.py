@@ -1,5 +1,5 @@
-"""Arrays of numbers, and records of them, which kernels read and write by name:
-``motion.time``.
+"""Arrays of numbers, and records of them, whose fields kernels read and write by name,
+such as ``motion.time``.
 """
 
 from typing import Any, TypeAlias
@@ -15,20 +15,20 @@ Mask = NDArray[np.bool_]
 Records = NDArray[np.void]
 
 Record: TypeAlias = Any
-"""A record, or an array of records: numpy's stubs know no fields."""
+"""A record, or an array of records; numpy's stubs do not know fields."""
 
 
 def record(*numbers: str, counts: str = "") -> Record:
-    """Return a kind of record: numbers of these names, each text as many as it has
-    words, then counts.
+    """Return a record type with number fields of these names (several in a text are
+    separated by blanks), then integer fields `counts`.
     """
     fields = [(name, "f8") for words in numbers for name in words.split()]
     return np.dtype((np.record, fields + [(name, "i8") for name in counts.split()]))
 
 
 def blank(kind: Record, size: int | tuple[int, ...] | None = None) -> Record:
-    """Return a record full of zeros, or an array of them of a size or shape; kernels
-    change it in place.
+    """Return a record of zeros, or an array of them of a size or shape, that kernels
+    change in place.
     """
     made = np.zeros(size or 1, kind).view(np.recarray)
     return made[0] if size is None else made

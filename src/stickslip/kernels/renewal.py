@@ -1,26 +1,26 @@
 """The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by
 fast convolution.
 
-When the slider is moved at a given velocity, each contact lives on its own: attached at
-``x = 0``, it breaks at its threshold and re-attaches, a distance ``s = v tau_d``
-further on. With ``m(X)`` the number of breaks per contact up to ``X``, which is
-continuous even where the breaking rate jumps, the master equation is one Volterra
-equation::
+When the slider is moved at a given velocity, each contact is independent: attached at
+``x = 0``, it breaks at its threshold and re-attaches a distance ``s = v tau_d`` further
+on. With ``m(X)`` the number of breaks per contact up to ``X``, which is continuous even
+where the breaking rate jumps, the master equation is one Volterra equation::
 
-    m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
+    m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,
+    P~(x) = mean over delays of P_c(x - s)
 
-``m_0`` counts the first breaks of the contacts that were there at the start; it is
-known in closed form. The unknown is taken piecewise linear and each kernel is
-integrated exactly against it: its weights are the second differences of its second
-antiderivative, made of ``excess(x, n)``, the survival function integrated `n` times
-from above. So jumps of the density cost no order: the scheme is second order for every
-distribution of bounded density, and Richardson extrapolation over three grids makes it
-sixth order for smooth ones.
+``m_0`` counts the first breaks of the initial contacts; it is known in closed form. The
+unknown is taken piecewise linear and each kernel is integrated exactly against it: its
+weights are the second differences of its second antiderivative, which consists of
+``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the
+density do not reduce the order: the scheme is second order for every distribution of
+bounded density, and Richardson extrapolation over three grids makes it sixth order for
+smooth ones.
 
 Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``, break
-after a path ``x_s - x_0``: the distribution of paths, a mean over nodes of ``x_0``,
-takes the place of that of thresholds.
-"""  # noqa: E501
+after a displacement ``x_s - x_0``: the distribution of these displacements, a mean over
+nodes of ``x_0``, replaces that of thresholds.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -36,7 +36,7 @@ Excess = Callable[[Floats, int], Floats]
 
 
 class RenewalContacts(NamedTuple):
-    """The contacts at the start and what becomes of them."""
+    """The contacts at the start and their thresholds and delays."""
 
     density: Density  # ``P_c(x)`` at ``x >= 0``
     # ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for n = 0, 1, 2; order 0 is
@@ -44,11 +44,11 @@ class RenewalContacts(NamedTuple):
     excess: Excess
     stretching: Floats  # nodes of the initial stretchings, any sign
     weight: Floats  # of sum 1
-    # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the
-    # letter
+    # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is taken
+    # literally
     reach: Floats
     # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at
-    # once; none: never
+    # once; empty: never
     shift: Floats
     fraction: Floats  # of sum 1
     born: Floats = np.zeros(1)  # nodes of the stretchings at re-attachment
@@ -56,8 +56,8 @@ class RenewalContacts(NamedTuple):
 
 
 class ReAttached(NamedTuple):
-    """Contribution of all but the initial contacts, on a uniform grid from 0:
-    continuous functions.
+    """Contribution of all contacts except the initial ones: continuous functions on a
+    uniform grid from 0.
     """
 
     spacing: float  # between points
@@ -71,14 +71,14 @@ class RigidResponse(NamedTuple):
     force: Floats  # ``F_c/N`` in units of ``f_s``, Eq. (4)
     attached: Floats  # fraction
     rate: Floats  # breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2)
-    # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical
-    # derivative
+    # ``dF_c/dX`` = attached - Int x P Q dx, plus the force of contacts that attach; no
+    # numerical derivative
     stiffness: Floats
 
 
 def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached:
     """Solve for the contacts that break and re-attach from 0 to a distance, on a grid
-    of this number of points and two finer ones.
+    of `points` intervals and two finer ones.
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
@@ -93,8 +93,8 @@ def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached
         back = broken
         stretched = travelled
     else:
-        # A delay is no multiple of the spacing: its corner at X = s, shifted earlier,
-        # would spoil the extrapolation.
+        # A delay is in general no multiple of the spacing: a shift before the
+        # extrapolation would spoil it by the corner at X = s.
         back = np.zeros_like(X)
         stretched = np.zeros_like(X)
         for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
@@ -102,8 +102,8 @@ def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached
             where = (X[later] - shift) / spacing
             back[later] += fraction * _interpolate(broken, where)
             stretched[later] += fraction * _interpolate(travelled, where)
-    # What the initial breaks put back at once is left to `observe`, which knows it
-    # without interpolating.
+    # Contacts of the initial breaks that re-attach at once are left to `observe`, which
+    # computes them without interpolation.
     once = _at_once(contacts)
     attached = back - broken + (1.0 - once) * first[::4]
     force = stretched - force + _carried(contacts) * (back - once * first[::4])
@@ -111,7 +111,7 @@ def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached
 
 
 def _carried(contacts: RenewalContacts) -> float:
-    """Mean stretching at re-attachment."""
+    """Return the mean stretching at re-attachment."""
     return float(contacts.born_weight @ contacts.born)
 
 
@@ -123,9 +123,9 @@ def observe(
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions
     up to the distance of `solve`.
 
-    The part of the initial contacts is closed-form at every `X`; the rest is continuous
-    and interpolated to sixth order. A one-sided limit at a jump of the density is the
-    value at the next number on that side (``numpy.nextafter``).
+    The contribution of the initial contacts is closed-form at every `X`; the rest is
+    continuous and interpolated to sixth order. A one-sided limit at a jump of the
+    density is the value at the next number on that side (``numpy.nextafter``).
     """
     initial = _initial(contacts, X)
     force, attached, rate, stiffness = _interpolate(
@@ -153,8 +153,8 @@ def re_attaching(
     X: Floats,
     breaking: Floats,
 ) -> Floats:
-    """Contacts that re-attach per contact and unit displacement: the breaking rate,
-    each delay earlier.
+    """Return the contacts that re-attach per contact and unit displacement: the
+    breaking rate one delay earlier, averaged over delays.
     """
     total = np.zeros_like(breaking)
     for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
@@ -169,13 +169,13 @@ def re_attaching(
 
 
 def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
-    """Initial contacts: those still attached, and those that break first."""
+    """Return the contribution of the initial contacts until they first break."""
     known = contacts.reach[:, None]
     values = np.zeros((4, X.size))
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
-    # where any are left
+    # only where some are still attached
     inside = np.flatnonzero(X + contacts.stretching.min() < _end(contacts))
-    # so that a table by node of the start takes some 10 MB
+    # parts so small that a table by node of the start takes some 10 MB
     size = max(1_000_000 // contacts.stretching.size, 1)
     for part in (inside[begin : begin + size] for begin in range(0, inside.size, size)):
         x = contacts.stretching[:, None] + X[part]
@@ -190,9 +190,9 @@ def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
 
 
 def _end(contacts: RenewalContacts) -> float:
-    """Stretching beyond all thresholds.
+    """Return a stretching beyond all thresholds.
 
-    To stop there saves most of the evaluations of the distribution.
+    Not to evaluate the distribution beyond it saves most of the evaluations.
     """
     x = np.asarray(2.0 ** np.arange(-30, 60))
     gone = x[contacts.excess(x, 0) < NOTHING]
@@ -200,17 +200,17 @@ def _end(contacts: RenewalContacts) -> float:
 
 
 def _at_once(contacts: RenewalContacts) -> float:
-    """Fraction of broken contacts that re-attach without delay."""
+    """Return the fraction of broken contacts that re-attaches without delay."""
     return float(contacts.fraction[contacts.shift == 0].sum())
 
 
 def solve_once(contacts: RenewalContacts, first: Floats, distance: float) -> Floats:
-    """Second-order solution on the uniform grid on which the first breaks ``m_0`` are
-    given.
+    """Return the second-order solution on the uniform grid on which the first breaks
+    ``m_0`` are given.
 
     Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with
     the kernels of the breaking rate, of the force lost and of the stiffness lost by
-    those that break (``J - 1`` in place of ``J``).
+    contacts that break (``J - 1`` in place of ``J``).
     """
     n = first.size
     h = distance / (n - 1)
@@ -222,8 +222,8 @@ def solve_once(contacts: RenewalContacts, first: Floats, distance: float) -> Flo
         antiderivatives[:, later] += fraction * _antiderivatives(contacts, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
-    # On a circle |z| = r < 1 the division of power series is safe, and what wraps
-    # around is damped by r**size.
+    # On a circle |z| = r < 1 the division of power series is safe, and terms that wrap
+    # around are damped by r**size.
     size = 1 << (4 * n - 1).bit_length()
     damping = np.exp(np.log(WRAPPED) / size * np.arange(n))
     kernels = np.fft.rfft(weights * damping, size)
@@ -235,21 +235,22 @@ def solve_once(contacts: RenewalContacts, first: Floats, distance: float) -> Flo
     return np.stack([broken, travelled, *rows[1:]])
 
 
-# what wraps around is damped by this; rounding errors grow by its fourth root, at most
+# factor that damps terms that wrap around; rounding errors grow by its fourth root, at
+# most
 WRAPPED = 1e-13
 
 
 def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Floats:
-    """Second antiderivatives, zero where the path begins with their slope, of the four
+    """Return second antiderivatives, zero where a displacement starts, of the four
     kernels that act on ``m``.
 
-    With `G` the fraction of those born that has broken on a path, and ``x G`` what it
-    held: of ``G'`` it is ``Int G`` (breaks of breaks), of ``G''`` it is ``G`` (breaking
-    rate), of ``(x G)'`` it is ``Int x G`` (force lost), of ``(x G)''`` it is ``x G``
-    (stiffness lost).
+    With `G` the fraction of newborn contacts that has broken after a displacement, and
+    ``x G`` the force that it carried: of ``G'`` it is ``Int G`` (breaks of breaks), of
+    ``G''`` it is ``G`` (breaking rate), of ``(x G)'`` it is ``Int x G`` (force lost),
+    of ``(x G)''`` it is ``x G`` (stiffness lost).
     """
     total = np.zeros((4, path.size))
-    # none survives from there on
+    # from here on no contact survives
     tail = int(np.searchsorted(path, end - float(contacts.born.min())))
     lost = np.zeros(2)
     for born, weight in zip(
@@ -264,7 +265,7 @@ def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Flo
         )
         gone = held + mean / all_held
         work = 0.5 * held * held + (half_square + held * mean) / all_held
-        # up to there no threshold is met
+        # up to here no threshold is met
         begin = int(np.searchsorted(path[:tail], held - born))
         x = path[begin:tail] + born
         survival, first, second = (
@@ -285,8 +286,8 @@ def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Flo
 
 
 def _interpolate(values: Floats, where: Floats) -> Floats:
-    """Values at fractional indices along the last axis, by polynomials through the
-    six nearest points.
+    """Return values at fractional indices along the last axis, by polynomials through
+    the six nearest points.
     """
     count = values.shape[-1]
     degree = min(5, count - 1)

@@ -1,20 +1,20 @@
 """One clock for all contacts that break by Bell's rate at thresholds that do not grow:
-one box for all of them.
+they share one box.
 
 A contact that attached at ``b`` with threshold ``s`` breaks at the rate
-``w exp((|X - b| - s)/A)``. Breaks are proposed at the rate
-``w exp((X - b - s)/A) + w exp((b - X - s)/A)``, and accepted with the part that the
-true rate has of it. Each of the two terms is the same for all contacts but for a
-factor: those of the first are proposed when the clock ``Z = w Int exp(X/A) dt`` has run
-on by ``exp((b + s)/A) E``, with ``E`` drawn from ``exp(-E)``; a second clock goes by
-``-X`` and ``b - s``.
+``w exp((|X - b| - s)/A)``. Breaks are proposed at the larger rate
+``w exp((X - b - s)/A) + w exp((b - X - s)/A)``, and accepted with the ratio of the true
+rate to it. Each of the two terms is the same for all contacts except for a constant
+factor. A contact is proposed by the first term when the clock ``Z = w Int exp(X/A) dt``
+has advanced by ``exp((b + s)/A) E``, with ``E`` drawn from ``exp(-E)``; a second clock
+runs with ``-X`` and ``b - s``.
 
-While the slider stays in a window, its edge stands for ``X``: the clocks then run
-evenly in time, and a proposal is accepted with the probability ``exp((X - edge)/A)``
-besides. Readings are kept as lengths, ``A ln Z``: proposals wait in a bucket queue as
-positions do. A clock by which nobody can break is not kept, and one that the slider has
-left far behind has lost its digits: breaks have no memory, so that a clock can be
-wound, and its readings drawn, at any time.
+While the slider stays in a window, the edge of the window replaces ``X``: the clocks
+then run evenly in time, and a proposal must also be accepted with the probability
+``exp((X - edge)/A)``. Readings are stored as lengths, ``A ln Z``: proposals wait in a
+bucket queue like positions. A clock by which no contact can break is not kept, and one
+that the slider has left far behind has lost its digits. Since breaks have no memory, a
+clock can be wound, and its readings drawn anew, at any time.
 """
 
 import math
@@ -29,36 +29,37 @@ from .records import Floats, Record, blank, record
 from .thinning import CHANCE, Rule
 from .tournament import enter, play, smallest, tournaments
 
-# widths that a clock is wound behind the slider, and that the slider may retreat before
-# it is wound again
+# In units of the activation width: how far behind the slider a clock is wound, and how
+# far the slider may retreat before it is wound again.
 _LAG = 30.0
-# widths from the slider to an edge of the window, at least and about at most
+# In units of the width: least and approximately largest distance from the slider to an
+# edge of the window.
 _SPAN = 0.25, 1e3
-# exponents beyond which the smaller of two terms is less than the rounding of the other
+# exponent beyond which the smaller of two terms is below the rounding of the larger
 _FAR = 36.0
-# breaks, of all contacts until the window is laid anew, that do not come
+# expected breaks, of all contacts until the window is set anew, that are neglected
 _NEVER = 1e-15
 
 
 _DIAL = record("edge reading pace top safe first due", counts="kept")
-"""One of the two clocks: of contacts stretched forwards, or backwards with all
+"""One of the two clocks: for contacts stretched forwards, or backwards with all
 positions mirrored.
 
-The edge of the window on the side of larger rates; the reading when the window was
-laid, and the rate of the clock over its value then; the largest edge since it was
-wound. The window does for contacts that attach with thresholds beyond `safe`. Then the
-reading of the next proposal, as it was seen last, and its time.
+The edge of the window on the side of larger rates; the reading when the window was set,
+and the rate of the clock over its value then; the largest edge since it was wound. The
+window is valid for contacts that attach with thresholds beyond `safe`. Then the reading
+of the next proposal when it was last computed, and its time.
 """
 
 _WINDOW = record("low high since until", counts="wanted")
-"""Where and until when the clocks run evenly, and how many variates are wanted to
-wind them.
+"""Positions and time between which the clocks run evenly, and how many variates are
+needed to wind them.
 """
 
 
 class Clock(NamedTuple):
-    """The two clocks, ahead first, and a tournament each of the readings at which
-    contacts are proposed.
+    """The two clocks, the one for contacts ahead first, and for each a tournament of
+    the readings at which contacts are proposed.
     """
 
     window: Record  # shape (1,)
@@ -67,9 +68,7 @@ class Clock(NamedTuple):
 
 
 def make_clock(contacts: int) -> Clock:
-    """Return a clock that is wound as soon as time goes on; one of no contacts never
-    is.
-    """
+    """Return a clock that is wound at the first event; without contacts it never is."""
     window = blank(_WINDOW, 1)
     dials = blank(_DIAL, 2)
     window.low = -np.inf
@@ -80,7 +79,7 @@ def make_clock(contacts: int) -> Clock:
 
 @inlined
 def is_shared(rule: Rule) -> bool:
-    """Whether contacts share a clock."""
+    """Return whether contacts share a clock."""
     growth = rule.growth
     fixed = growth.kind == LOGARITHMIC and growth.first == 0.0
     return is_exponential(rule.hazard) and fixed
@@ -88,14 +87,14 @@ def is_shared(rule: Rule) -> bool:
 
 @inlined
 def runs_evenly(clock: Clock, m: Record) -> bool:
-    """Whether the slider is in the window."""
+    """Return whether the slider is in the window, so that the clocks run evenly."""
     window = clock.window[0]
     return bool(window.low < m.position < window.high and m.time < window.until)
 
 
 @inlined
 def _strikes(clock: Clock, side: int, width: float) -> float:
-    """Time of the next proposal."""
+    """Return the time of the next proposal of one clock."""
     reading = smallest(clock.readings[side])
     dial = clock.dials[side]
     if reading != dial.first:
@@ -109,7 +108,7 @@ def _strikes(clock: Clock, side: int, width: float) -> float:
 
 @inlined
 def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
-    """Time of the next proposal, and of which clock."""
+    """Return the time of the next proposal, and which clock makes it."""
     ahead = _strikes(clock, 0, rule.hazard.width)
     behind = _strikes(clock, 1, rule.hazard.width)
     return max(min(ahead, behind), now), int(behind < ahead)
@@ -123,7 +122,9 @@ def chance(
     X: float,
     x: float,
 ) -> float:
-    """Probability that a proposal is accepted, of a contact stretched by `x`."""
+    """Return the probability that the proposal of a contact stretched by `x` is
+    accepted.
+    """
     width = rule.hazard.width
     sign = 1 - 2 * side
     return math.exp((sign * X - clock.dials[side].edge) / width) / (
@@ -140,13 +141,13 @@ def _reading(
     time: float,
     variate: float,
 ) -> float:
-    """Draw the reading at which a contact is proposed whose threshold is at `rest`,
-    mirrored behind.
+    """Draw the reading at which a contact is proposed that meets its threshold with the
+    slider at `rest` (for the clock behind, at ``-rest``).
     """
     dial = clock.dials[side]
     passed = dial.pace * (time - clock.window[0].since)
     ratio = math.log(-math.log1p(-variate))
-    # then what has passed is less than rounding
+    # then the time that has passed is below rounding
     if (rest - dial.reading) / width + ratio - passed > _FAR:
         return float(rest + width * ratio)
     now = dial.reading + width * math.log1p(passed)
@@ -164,8 +165,8 @@ def propose(
     m: Record,
     variates: Floats,
 ) -> None:
-    """Draw when a clock proposes a contact that it keeps; reset a window that does not
-    contain it.
+    """Draw when a clock, if it is kept, proposes a contact; end the window if the
+    contact's threshold is not beyond `safe`.
     """
     dial = clock.dials[side]
     if rest < dial.safe:
@@ -201,11 +202,11 @@ def wind(
     first_behind: float,
     variates: Floats,
 ) -> bool:
-    """Set the window about the slider and wind the clocks where due; return False if
+    """Set the window about the slider and wind the clocks that need it; return False if
     too few variates are left.
 
-    `held` are the attached contacts; no threshold is met ahead before `first`, behind
-    before `first_behind`, mirrored.
+    `held` are the attached contacts. No threshold is met before the slider reaches
+    `first` ahead, or ``-first_behind`` behind.
     """
     window = clock.window[0]
     N = held.capacity
@@ -266,7 +267,7 @@ def wind(
         if not dial.kept and nearest < dial.safe:
             dial.kept = 1
             _wind(clock, side, rule, m, held, variates)
-        if dial.kept:  # a wide window is one for the nearest threshold that there is
+        if dial.kept:  # a wide window is valid only for the present nearest threshold
             dial.safe = nearest if reach > span and onwards == (side == 0) else -np.inf
     return True
 

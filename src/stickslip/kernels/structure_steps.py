@@ -1,12 +1,13 @@
 """Steps of a linear structure on an interface.
 
-Between kicks a structure is known exactly: over a step of length `h` its state goes to
+Between kicks the motion of a structure is known exactly: over a step of length `h` its
+state goes to
 
     z' = state z + force F + drive D + velocity V + acceleration a
 
-under a constant force ``F``, with the drive on a parabola. The force of the step's
-beginning predicts where the contacts go; the element returns the impulse on the way
-there; what the impulse has more than ``F h`` kicks the velocity at the end. The
+under a constant force ``F``, with the drive on a parabola. The force at the start of
+the step predicts where the contacts go; the element returns the impulse on the way
+there; the difference between the impulse and ``F h`` kicks the velocity at the end. The
 displacement stays as predicted, as in Verlet's method, and the order is 2.
 """
 
@@ -20,22 +21,22 @@ from .quadrature import dot
 from .records import Floats, Record, record
 
 RUN = record("begin steps force sample work damped lost_before")
-"""Where a run is: the beginning of the leg and its steps so far, the friction force,
-and energies per contact.
+"""Progress of a run: the start of the leg and its steps so far, the friction force, the
+next sample, and energies per contact.
 """
 CONTROL = record("due integral error updates")
-"""A controller between its updates: when the next is due, the integral part of its
-force, the last error.
+"""State of a controller between its updates: when the next is due, the integral part of
+its force, the last error, the number of updates.
 """
-# who does work: the drive by the pulling force, the controller by it on the slider, or
-# the track by the friction force
+# what does the work: the drive by the pulling force, the controller by it on the
+# slider, or the track by the friction force
 BY_DRIVE, BY_CONTROLLER, BY_TRACK = range(3)
 MOVES = 8  # columns of a sample before those of the state
-_SAME = 1e-9  # of a step: times this near are the same
+_SAME = 1e-9  # fraction of a step within which two times are the same
 
 
 class Propagator(NamedTuple):
-    """What a step of length `h` does to the state."""
+    """Matrices and vectors that advance the state by a step of length `h`."""
 
     h: float
     state: Floats
@@ -68,7 +69,7 @@ class Body(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What changes: the state, three rows of room for samples, the records."""
+    """What changes in a run: the state, three rows of room for samples, the records."""
 
     z: Floats
     room: Floats
@@ -77,8 +78,8 @@ class Motion(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """Gains of a controller that is updated now and then, which holds its force, the
-    last number of the state, in between; a `sample_time` of 0 is none.
+    """Gains of a controller that is updated at intervals and holds its force, the last
+    number of the state, in between; with `sample_time` 0 there is no such controller.
     """
 
     kp: float
@@ -90,7 +91,7 @@ class Controller(NamedTuple):
 
 @inlined
 def _form(matrix: Floats, z: Floats) -> float:
-    """Quadratic form of a state."""
+    """Return the quadratic form of a state."""
     total = 0.0
     for i in range(z.size):
         for j in range(z.size):
@@ -105,7 +106,7 @@ def _pull(
     D: float,
     V: float,
 ) -> float:
-    """Force that pulls the structure."""
+    """Return the force that pulls the structure."""
     return dot(body.pull, z) + body.pull_drive * D + body.pull_rate * V
 
 
@@ -116,7 +117,7 @@ def _velocity(
     D: float,
     V: float,
 ) -> float:
-    """Velocity of the contacts."""
+    """Return the velocity of the contacts."""
     return dot(body.moving, z) + body.moving_drive * D + body.moving_rate * V
 
 
@@ -128,7 +129,7 @@ def _update(
     X: float,
     D: float,
 ) -> None:
-    """Let the controller see the position, and set its force until the next time."""
+    """Update the controller: read the position, and set the force until the next."""
     seen = X
     if controller.encoder_step > 0.0:
         seen = controller.encoder_step * math.floor(X / controller.encoder_step + 0.5)
@@ -183,7 +184,9 @@ def _between(
     part: float,
     h: float,
 ) -> None:
-    """Write a sample within a step: its displacement from a cubic, the rest linear."""
+    """Interpolate a sample within a step: its displacement as a cubic, the rest
+    linearly.
+    """
     for i in range(row.size):
         row[i] = before[i] + part * (after[i] - before[i])
     if part < 1.0 - _SAME:
@@ -204,8 +207,8 @@ def advance_structure(
     sampling: Sampling,
     counts: tuple[int, int],
 ) -> int:
-    """Go on by some steps of a leg, `counts` in all and now; return why it came
-    back.
+    """Advance a leg of `counts[0]` steps by at most `counts[1]` of them; return the
+    reason to stop.
     """
     h = way.h
     steps, most = counts

@@ -1,5 +1,5 @@
-"""A decreasing function of one variable, such as the survival of thresholds, as a
-table of polynomials.
+"""Tables of polynomials for a decreasing function of one variable, such as the survival
+of thresholds.
 """
 
 from bisect import bisect_left
@@ -16,27 +16,27 @@ from .records import Floats
 
 DEGREE = 5
 _POWERS = range(DEGREE + 1)
-GONE = 1e-13  # fraction of contacts so small that none of them is left
+GONE = 1e-13  # fractions of contacts below this are taken as 0
 
 
 class SurvivalTable(NamedTuple):
-    """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a
-    cell that holds a knot has two.
+    """Polynomials of degree `DEGREE` on cells of equal width, made by `tabulate`; a
+    cell that contains a knot has two.
     """
 
     pieces: Floats
-    """Shape (2 n_cells, 2 + DEGREE + 1): left end of each piece, infinite if there is
-    no second; one over its width; its coefficients.
+    """Shape (2 n_cells, 2 + DEGREE + 1), a row per piece: its left end (infinite if the
+    cell has no second piece), one over its width, its coefficients.
     """
     inverse: float  # one over the width of a cell
     bottom: float  # below it the function is 1
-    low: float  # where it begins: below it is what it is there
-    top: float  # from it on the function is 0
+    low: float  # left end of the table; the function is constant below it
+    top: float  # the function is 0 from here on
 
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
 _FIT = np.linalg.inv(np.vander(_NODE, increasing=True))
-# where an error is largest
+# places between the nodes, where errors are largest
 _CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE) + 1.0) / (DEGREE + 1)))
 _HALF = np.array(
     [
@@ -47,7 +47,7 @@ _HALF = np.array(
         for half in (0, 1)
     ]
 )
-"""What turns the coefficients on a cell into those on either half of it."""
+"""Matrices that turn the coefficients on a cell into those on its two halves."""
 
 
 def tabulate(
@@ -58,15 +58,15 @@ def tabulate(
     most: int = 2**14,
     low: float = 0.0,
 ) -> SurvivalTable:
-    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the
-    tolerance, or in the most.
+    """Tabulate a function from `low` to `top`, in cells narrow enough for the
+    tolerance, or in the `most` cells.
 
-    Where a cell meets it, its halves keep its polynomial.
+    Where a cell is accurate enough, its halves keep its polynomial.
     """
     pieces = np.zeros((128, DEGREE + 3))
     rough = np.arange(64)
     check = np.vander(_CHECK, DEGREE + 1, increasing=True).T
-    # ends: the count doubles in each turn, up to the most
+    # ends: the number of cells doubles in each turn, up to the most
     while True:
         count = len(pieces) // 2
         width = (top - low) / count
@@ -112,7 +112,7 @@ def tabulate(
 
 @inlined
 def value_and_slope(table: SurvivalTable, x: float) -> tuple[float, float]:
-    """Value and slope."""
+    """Return value and slope of the function."""
     if x >= table.top:
         return 0.0, 0.0
     x = max(x, table.low)
@@ -131,13 +131,13 @@ def value_and_slope(table: SurvivalTable, x: float) -> tuple[float, float]:
 
 @inlined
 def value_at(table: SurvivalTable, x: float) -> float:
-    """Value alone."""
+    """Return the value of the function."""
     return value_and_slope(table, x)[0]
 
 
 @jit
 def values_at(table: SurvivalTable, x: Floats) -> Floats:
-    """Values at many places."""
+    """Return the values of the function at many places."""
     values = np.empty(x.size)
     for i in range(x.size):
         values[i] = value_at(table, x[i])
@@ -151,10 +151,9 @@ def widest(
     most: float,
     order: int,
 ) -> float:
-    """Width of a window, up to `most`, in which Gauss nodes give the mean of
-    ``x**order`` times the function.
-
-    To the tolerance, wherever the window lies between two knots.
+    """Return the width of a window, up to `most`, in which Gauss nodes give the mean of
+    ``x**order`` times the function to the tolerance, wherever the window lies between
+    two knots.
     """
     edges = np.unique([0.0, *knots, table.top])
     width = min(most, 0.5 * table.top)
@@ -186,13 +185,13 @@ EMPTY = SurvivalTable(
     0.0,
     0.0,
     0.0,
-)  # the table of nothing
+)  # a table of the function 0
 
 
 @inlined
 def drawn(rng: np.random.Generator, count: float, held: float) -> float:
-    """Draw how many of a number break, if each holds with a probability."""
-    if held >= 1.0 - GONE or count == 0.0:  # rounding draws no number
+    """Draw how many of `count` contacts break, each holding with probability `held`."""
+    if held >= 1.0 - GONE or count == 0.0:  # differs from certainty by rounding only
         return 0.0
     if held <= 0.0:
         return count

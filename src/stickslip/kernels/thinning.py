@@ -1,18 +1,17 @@
-"""The rule by which contacts break whose rate of breaking, or threshold, is not fixed:
-thinning, exact.
+"""The exact rule ("thinning") by which contacts break whose breaking rate or threshold
+is not fixed.
 
-While a contact's stretching stays within a box, and for a time, its rate of breaking is
-at most that of the box. A break is proposed at this rate, and accepted with the
-probability that the true rate has of it; where the contact leaves its box before, or
-the time is over, or the proposal is rejected, it gets another box: wide where it seldom
-breaks, narrow where it is about to, in view of how fast the slider is. Some six boxes
-do for a life. Nothing is assumed about how the slider moves: it may turn, slip and
-rest.
+While a contact's stretching stays within a box, and for a time, its breaking rate is at
+most that of the box. A break is proposed at this rate, and accepted with the ratio of
+the true rate to it. If the contact leaves its box before, or the time is over, or the
+proposal is rejected, it gets another box: wide where it seldom breaks, narrow where it
+is about to break, given the speed of the slider. Some six boxes suffice for a life.
+Nothing is assumed about the motion of the slider: it may reverse, slip and rest.
 
-A threshold that grows without temperature needs no time: a box reaches up to the
-threshold of the moment, and is followed by another where the threshold has grown
-meanwhile. A contact whose threshold grows from 0 has no box to begin with: it holds if
-the threshold leads the stretching at the speed of the moment.
+Without temperature a threshold that grows needs no time limit: a box reaches up to the
+present threshold, and is followed by another if the threshold has grown meanwhile. A
+contact whose threshold grows from 0 has no box at first: it holds if the threshold
+grows faster than the stretching at the present speed.
 """
 
 import math
@@ -35,22 +34,22 @@ from .hazard import (
 )
 from .records import Floats
 
-CHANCE = 0.2  # proposals that a contact may expect on its way through a box
+CHANCE = 0.2  # proposals that a contact expects on its way through a box
 _AT_REST = 1e-200  # a speed
-# of its strength that a contact breaks below its threshold: boxes come nearer to one
-# without end
+# A contact breaks this fraction of its strength below its threshold: otherwise boxes
+# would approach the threshold without end.
 _MET = 1e-9
 YOUTH = 0.01
-"""Times of growth for which a threshold that grows from 0 is taken on trust, and
-after which it is tried again.
+"""Times of growth for which a threshold that grows from 0 is assumed to hold its
+contact, and after which one that could not hold is tried again.
 """
 
 
 class Rule(NamedTuple):
     """How contacts break and how their thresholds grow.
 
-    `as_stiff`: contacts are as stiff as their strengths are large, see
-    `Interface.areas`, and thresholds that grow are forces; else of stiffness 1.
+    `as_stiff`: the stiffness of a contact is proportional to its strength, see
+    `Interface.areas`, and growth rules give forces; otherwise the stiffness is 1.
     """
 
     hazard: Hazard
@@ -59,8 +58,8 @@ class Rule(NamedTuple):
 
 
 class Box(NamedTuple):
-    """Bounds of a box: largest stretching, duration, and largest rate within; with no
-    duration the contact breaks at once.
+    """Bounds of a box: largest stretching, duration, and largest rate within; if the
+    duration is 0 the contact breaks at once.
     """
 
     reach: float
@@ -70,20 +69,22 @@ class Box(NamedTuple):
 
 @inlined
 def threshold_now(rule: Rule, strength: float, age: float) -> float:
-    """Stretching at which a contact of this strength and age breaks."""
-    k = strength if rule.as_stiff else 1.0  # then the rule of growth is one of forces
+    """Return the stretching at which a contact of this strength and age breaks."""
+    k = strength if rule.as_stiff else 1.0  # stiffness, which turns it into a force
     return threshold_at(rule.growth, k * strength, age) / k
 
 
 @inlined
 def grows_from_nothing(growth: Growth) -> bool:
-    """Whether newborns have no threshold."""
+    """Return whether newborns have a threshold of 0."""
     return growth.kind == EXPONENTIAL and growth.second <= 0.0
 
 
 @inlined
 def can_hold(rule: Rule, strength: float, speed: float) -> bool:
-    """Whether a threshold that grows from 0 leads the stretching at this speed."""
+    """Return whether a threshold that grows from 0 keeps ahead of the stretching at
+    this speed.
+    """
     return threshold_now(rule, strength, math.inf) * rule.growth.first > abs(speed)
 
 
@@ -94,8 +95,8 @@ def is_met(
     strength: float,
     rounding: float,
 ) -> bool:
-    """Whether a contact has come to its threshold, its stretching being known to
-    within a rounding.
+    """Return whether a contact has reached its threshold; its stretching has a rounding
+    error.
     """
     return abs(x) + rounding >= threshold - _MET * strength
 
@@ -109,19 +110,20 @@ def box_of(
     speed: float,
     rounding: float,
 ) -> Box:
-    """Box of a contact that is stretched by ``|x|``, to within a rounding, with the
-    slider at this speed.
+    """Return the box of a contact that is stretched by ``|x|``, to within a rounding
+    error, with the slider at this speed.
 
-    A threshold that sinks shortens its time, until it reaches half of the way to the
-    threshold: more than the rounding, or the contact would leave it where it stands.
+    A threshold that falls shortens the time of the box, until the lowest threshold is
+    at least half of the way from the stretching to the present one: by more than the
+    rounding, or the contact would leave the box where it is.
     """
     x = abs(x)
     growth = rule.growth
     hazard = rule.hazard
     threshold = threshold_now(rule, strength, age)
     if threshold <= 0.0 and x == 0.0 and can_hold(rule, strength, speed):
-        # At constant speed the stretching leads again only after twice as many times of
-        # growth as this.
+        # At constant speed the stretching would overtake only after twice this number
+        # of times of growth.
         lead = 1.0 - abs(speed) / (
             threshold_now(rule, strength, math.inf) * growth.first
         )
@@ -142,13 +144,13 @@ def box_of(
             lowest = min(threshold, threshold_now(rule, strength, age + time))
     if hazard.attempts == 0.0:
         return Box(lowest, time if sinking else math.inf, 0.0)
-    # the rate grows by a factor of e
+    # stretching at which the rate has grown by a factor of e
     finest = left = max(height(hazard, x, lowest) - 1.0, 0.0)
     reach = stretching_at(hazard, left, lowest)
     often = CHANCE * max(abs(speed), _AT_REST) / hazard.attempts
     if math.log((reach - x) / often) < finest:
         width = lowest - x
-        for _ in range(2):  # the width comes in by its logarithm only
+        for _ in range(2):  # twice suffices: only the logarithm of the width enters
             left = max(min(math.log(width / often), finest), 0.0)
             reach = stretching_at(hazard, left, lowest)
             width = reach - x
@@ -157,8 +159,8 @@ def box_of(
         if hazard.kramers != 0.0
         else hazard.attempts * math.exp(-left)
     )
-    # then the rate only falls with age, and a longer time does where a proposal is
-    # unlikely
+    # if the threshold does not fall, the rate falls with age, and a longer time is
+    # valid if a proposal is unlikely
     if not sinking:
         time = max(time, CHANCE / most)
     return Box(reach, time, most)
@@ -176,7 +178,7 @@ def lifetimes(
     """Draw the stretchings at which newborns break at a steady velocity, from numbers
     between 0 and 1.
 
-    Returns how many are drawn, and in how many boxes.
+    Returns how many stretchings were drawn, and in how many boxes.
     """
     used = 0
     boxes = 0

@@ -1,13 +1,13 @@
-"""A slider and its contacts in steps of time: how long a step, where it leads, and what
-it passes.
+"""A slider and its contacts in time steps: how long a step is, where it leads, and the
+samples in it.
 
 The loop is the same for all solvers that take steps: `begin` once; then, while the
-course `goes_on`, for each step `plan` says where the slider would go if breaking went
-on as in the step before, the contacts are moved there, `settle` moves the slider again
-under the force that they have turned out to give (second order in the step), and `fill`
-reads the samples off that motion; `keep` stores the state. Only how the contacts move
-differs. A course that breaks off between two steps is taken up there again: neither its
-pauses nor its samples change the motion.
+course `goes_on`, for each step `plan` predicts where the slider would go if breaking
+continued as in the step before, the contacts are moved there, `settle` moves the slider
+again under the force that the contacts turned out to exert (second order in the step),
+and `fill` reads the samples off that motion; `keep` stores the state. Only the motion
+of the contacts differs. A course that breaks off between two steps is resumed there:
+neither its pauses nor its samples change the motion.
 """
 
 from typing import NamedTuple
@@ -27,8 +27,8 @@ from .oscillator import (
 )
 from .records import Floats
 
-# First entries of the state of every solver: the slider, and what breaking took from
-# the force per time.
+# First entries of the state of every solver: the slider, and the rate at which breaking
+# reduces the force.
 TIME, POSITION, VELOCITY, LOSS = range(4)
 
 # Columns of the samples: X, V, force of the driving spring, friction force, attached
@@ -41,22 +41,22 @@ class Course(NamedTuple):
 
     drive: Quadratic
     slider: Slider
-    # shape (m,): when to sample, ascending, none before now; the last one ends the
-    # course
+    # shape (m,): times of the samples, ascending, none before now; the last one ends
+    # the course
     times: Floats
     longest: float  # largest step of time
-    reach: float  # largest distance that the slider goes in a step
-    # at the first sample where it holds the course ends; steps then end at samples
+    reach: float  # largest displacement of the slider in a step
+    # the course ends at the first sample at which it holds; steps then end at samples
     stop: Stop = Stop()
-    # time of a look at the contacts: the course breaks off before the step that would
-    # pass it
+    # when the contacts are to be recorded: the course breaks off before the step that
+    # would pass this time
     look: float = np.inf
     budget: int = 2**62  # most steps; then the course breaks off
 
 
 class Stroke(NamedTuple):
-    """A step as the contacts see it: from `time` to `end`, for `dt`, the slider goes
-    from `X` by `dX`, uniformly.
+    """A step for the contacts: from `time` to `end`, for `dt`, the slider moves from
+    `X` by `dX`, uniformly.
     """
 
     time: float
@@ -68,7 +68,7 @@ class Stroke(NamedTuple):
 
 @jit
 def begin(course: Course, state: Floats) -> Motion:
-    """Slider as the state has it; in rigid motion it is where the drive is."""
+    """Return the slider as stored in the state; in rigid motion, where the drive is."""
     now = state[TIME]
     X = state[POSITION]
     if is_rigid(course.slider) and course.times.size > 0:
@@ -78,7 +78,7 @@ def begin(course: Course, state: Floats) -> Motion:
 
 @jit
 def attached_now(stretching: Floats, attach: Floats, time: float) -> tuple[float, int]:
-    """Sum of the stretchings of the contacts that are attached by a time, and their
+    """Return the sum of the stretchings of the contacts attached by a time, and their
     number.
     """
     total = 0.0
@@ -92,7 +92,7 @@ def attached_now(stretching: Floats, attach: Floats, time: float) -> tuple[float
 
 @jit
 def keep(state: Floats, here: Motion, loss: float) -> None:
-    """Store where the slider is."""
+    """Store the motion of the slider."""
     state[TIME] = here.time
     state[POSITION] = here.X
     state[VELOCITY] = here.V
@@ -107,10 +107,10 @@ def _pace(
     angle: float,
     until: float,
 ) -> float:
-    """Length of the next step: it ends by `until`, and the slider goes no farther than
-    it may.
+    """Return the length of the next step: it ends by `until`, and the slider moves no
+    farther than its `reach`.
 
-    A free oscillation that matters is followed in steps of `angle` (rad).
+    A free oscillation large enough to matter is resolved in steps of `angle` (rad).
     """
     longest = min(course.longest, until - here.time)
     reach = course.reach
@@ -129,7 +129,7 @@ def _pace(
     longest = min(longest, reach / max(fast, 1e-300))
     if here.time + 1.0000001 * longest >= until:
         return until - here.time
-    # A sliver of a step before the end is shared with the step before it.
+    # If a short step would be left before the end, two equal steps share the rest.
     return 0.5 * (until - here.time) if here.time + 2.0 * longest > until else longest
 
 
@@ -140,7 +140,7 @@ def goes_on(
     filled: int,
     taken: int,
 ) -> bool:
-    """Whether samples and steps are left, and the last sample does not meet the
+    """Return whether samples and steps are left, and the last sample does not meet the
     condition that ends the course.
     """
     if filled == course.times.size or taken == course.budget:
@@ -160,8 +160,8 @@ def plan(
     load: Load,
     angle: float,
 ) -> tuple[Motion, Stroke]:
-    """Guess where the next step ends, under the load that is expected; it ends where
-    the slider turns back.
+    """Predict where the next step ends, under the expected load; it ends where the
+    slider reverses.
     """
     end = course.times[filled if course.stop.kind != NOWHERE else -1]
     dt = _pace(course, here, load, angle, end)
@@ -192,7 +192,7 @@ def settle(
     load: Load,
     dt: float,
 ) -> Motion:
-    """End of a step under the load that the contacts have turned out to give."""
+    """Return the end of a step under the load that the contacts turned out to exert."""
     if is_rigid(course.slider):
         return guess
     there = move(course.slider, course.drive, here, load, dt)
@@ -209,8 +209,8 @@ def fill(
     end: float,
     attached: float,
 ) -> int:
-    """Fill the samples up to the `end` of a step that began at `start`; returns how
-    many are filled.
+    """Fill the samples up to the `end` of a step that began at `start`; return how many
+    are filled.
     """
     while filled < course.times.size and course.times[filled] <= end:
         t = course.times[filled] - start.time

@@ -1,12 +1,12 @@
-"""Tournaments: the smallest of N numbers is always known, and so is whose it is;
-changing one costs a few comparisons.
+"""Tournaments: the smallest of N numbers and its index are always known; changing a
+number takes a few comparisons.
 
 A tournament is one array, a tree whose nodes hold the smallest of eight each: the first
-entry is the smallest of all, that at ``i`` the smallest of those from ``8 i + 1`` on,
-and the last N are the numbers of the slots. Eight numbers are a cache line, so a change
-reads about one line a level. Many small tournaments lie side by side in a matrix, where
-a bucket queue for each would be mostly empty bins. Nothing goes stale and nothing is
-ever full.
+entry is the smallest of all, the entry at ``i`` is the smallest of those from
+``8 i + 1`` on, and the last N entries are the numbers of the slots. Eight numbers are a
+cache line, so a change reads about one line a level. Many small tournaments are the
+rows of a matrix, where a bucket queue for each would have mostly empty bins. No entry
+becomes outdated, and a tournament cannot be full.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from .records import Floats
 
 
 def tournaments(numbers: Floats) -> Floats:
-    """Return a tournament of each row of numbers, which may be infinite."""
+    """Return a tournament for each row of numbers, which may be infinite."""
     count, slots = numbers.shape
     above = 0
     level = 1
@@ -38,7 +38,7 @@ def smallest(tree: Floats) -> float:
 
 @inlined
 def winner(tree: Floats, slots: int) -> int:
-    """Slot of the smallest number; of the first among equals."""
+    """Slot of the smallest number; the first slot among equal numbers."""
     above = tree.size - slots
     node = 0
     while node < above:
@@ -64,7 +64,7 @@ def enter(
     slot: int,
     value: float,
 ) -> None:
-    """Give a slot another number."""
+    """Change the number of a slot."""
     node = tree.size - slots + slot
     old = tree[node]
     tree[node] = value
@@ -81,7 +81,7 @@ def enter(
 
 @bare
 def play(trees: Floats, slots: int) -> None:
-    """Set up all tournaments anew from the numbers of their slots."""
+    """Compute all tournaments from the numbers of their slots."""
     for tree in trees:
         for node in range(tree.size - slots - 1, -1, -1):
             tree[node] = _least(tree, node)

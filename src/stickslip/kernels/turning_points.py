@@ -1,7 +1,7 @@
-"""Turning points of a force by hysteresis: a peak counts when the force has dropped by
-so much, a trough when it rose.
+"""Turning points of a force by hysteresis: a peak counts once the force has dropped by
+a given amount, a trough once it has risen.
 
-The same few lines pick the slips of a measured trace, of a simulated one, and thin out
+The same function picks the slips of a measured and of a simulated trace, and thins out
 the events of the simulation.
 """
 
@@ -18,8 +18,8 @@ TROUGH = 2
 
 
 class Zigzag(NamedTuple):
-    """Where the search stands: the highest value since the last trough, or the
-    lowest since the last peak.
+    """State of the search: the highest value since the last trough, or the lowest since
+    the last peak.
     """
 
     falling: bool
@@ -41,8 +41,8 @@ def turn(
     drop: float,
     rise: float,
 ) -> Zigzag:
-    """Add the next value of the force; `found` says whether it proves the last peak or
-    the last trough.
+    """Add the next value of the force; `found` is `PEAK` or `TROUGH` if it confirms the
+    last peak or trough.
     """
     falling, high, high_at, low, low_at, _ = state
     if falling:
@@ -62,8 +62,8 @@ def turn(
 
 @jit
 def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
-    """Indices of the peaks and of the troughs after them; a drop that the trace cuts
-    off is left out.
+    """Indices of the peaks and of the troughs after them; a drop that is cut off at the
+    end of the trace is omitted.
     """
     peaks = np.empty(force.size // 2 + 1, np.int64)
     troughs = np.empty(force.size // 2 + 1, np.int64)
@@ -80,8 +80,8 @@ def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
 
 
 class Recording(NamedTuple):
-    """How a trace was recorded and picked; forces in one unit, `slope` of the
-    loading in that unit per sample.
+    """How a trace was recorded and picked; forces in one unit, `slope` of the loading
+    in that unit per sample.
     """
 
     slope: float
@@ -99,10 +99,10 @@ def observe(
     rng: np.random.Generator,
     seen: Floats,
 ) -> int:
-    """Sample a saw of these peaks and troughs, add noise, pick it; return how many
-    slips were seen, of those wanted.
+    """Sample a sawtooth with these peaks and troughs, add noise, and pick its slips;
+    return the number of slips found, at most the width of `seen`.
 
-    Slips take no time; `seen` takes the peaks and troughs that were picked, shape (2,
+    Slips take no time; `seen` is filled with the picked peaks and troughs, shape (2,
     wanted).
     """
     count = 0

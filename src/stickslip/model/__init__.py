@@ -1,8 +1,8 @@
-"""Records of the model: interface, slider and drive, the rig they make, and how it is
-simulated.
+"""Records of the model: interface, slider and drive, the rig that they form, and the
+methods that simulate it.
 
-Records only, each validated on construction. Natural units throughout: contact
-stiffness ``k = 1``, mean threshold force ``f_s = 1``, hence stretchings in units of
+Each record is validated on construction. Natural units throughout: contact stiffness
+``k = 1``, mean threshold force ``f_s = 1``, hence stretchings in units of
 ``x_s = f_s/k``; everything per contact. Time is in any unit.
 """
 

@@ -1,9 +1,9 @@
-"""Temperature: contacts that break before their threshold, at a rate set by the barrier
-that is left.
+"""Thermal activation: contacts that break before their threshold, at a rate set by the
+remaining barrier.
 
 A contact of threshold ``x_c`` stretched by ``x`` breaks at the rate
-``attempts * exp(-barrier(x, x_c)/kT)``, and at once where ``|x| = x_c``. The threshold
-of each contact is its own for its whole life.
+``attempts * exp(-barrier(x, x_c)/kT)``, and at once where ``|x| = x_c``. Each contact
+keeps its threshold for its whole life.
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ gives a class its name there.
 
 
 class ActivationModel(Record):
-    """How heat breaks contacts: `Bell`, `Parabolic`, `Barrier`, or a model of the
+    """Thermal activation of contacts: `Bell`, `Parabolic`, `Barrier`, or a model of the
     user's own.
 
-    A model of one's own derives from this class and is registered under the name that
-    rig files use. Its `form` is one of the three, which alone solvers know, and which
-    an `Interface` keeps in its place.
+    A user's model derives from this class and is registered under the name that rig
+    files use. Solvers know only the three models above: its `form` returns one of them,
+    and an `Interface` stores that form in place of the model.
     """
 
     def form(self) -> "Activation":
-        """Return the `Bell`, `Parabolic` or `Barrier` with this barrier and rate of
-        attempts.
+        """Return the `Bell`, `Parabolic` or `Barrier` that has this barrier and attempt
+        rate.
         """
         raise InputError(
             f"Interface.activation = {self}: needs a method form() that returns a "
@@ -49,9 +49,9 @@ class Bell(ActivationModel):
     ----------
     width : float
         Activation width ``A``, in ``x_s``: ``kT`` over the activation length times the
-        contact's stiffness times ``x_s``. It goes with the temperature.
+        contact's stiffness times ``x_s``. It is proportional to the temperature.
     attempts : float
-        Rate of attempts on the top of the barrier, in 1/time.
+        Attempt rate at the threshold, where no barrier is left, in 1/time.
     """
 
     width: Annotated[float, Number("x_s", above=0, hint="the activation width A")]
@@ -61,15 +61,15 @@ class Bell(ActivationModel):
 @register("parabolic")
 @dataclass(frozen=True, kw_only=True)
 class Parabolic(ActivationModel):
-    """Thermal activation over the elastic energy itself: barrier
-    ``(x_c**2 - x**2)/(2 temperature)``.
+    """Thermal activation over the elastic energy still missing at the threshold:
+    barrier ``(x_c**2 - x**2)/(2 temperature)``, in units of ``kT``.
 
     Parameters
     ----------
     temperature : float
         ``kT/(k x_s**2)``.
     attempts : float
-        Rate of attempts on the top of the barrier, in 1/time.
+        Attempt rate at the threshold, where no barrier is left, in 1/time.
     """
 
     temperature: Annotated[float, Number(above=0, hint="kT/(k x_s^2)")]
@@ -85,11 +85,11 @@ class Barrier(ActivationModel):
     Parameters
     ----------
     height : float
-        Height of the barrier of an unstretched contact over ``kT``.
+        Height of the barrier of an unstretched contact, in units of ``kT``.
     power : float
         1, 3/2 (a smooth potential near its limit) or 2.
     attempts : float
-        Rate of attempts on the top of the barrier, in 1/time.
+        Attempt rate at the threshold, where no barrier is left, in 1/time.
     kramers : bool
         Whether the rate carries Kramers' prefactor ``(1 - x/x_c)**(power - 1)``.
     """

@@ -21,12 +21,12 @@ class its name there.
 
 
 class AgeingModel(Record):
-    """How thresholds grow with the age of a contact: `Langevin`, a rule of growth, or a
-    model of the user's own.
+    """Growth of thresholds with the age of a contact: `Langevin`, a given growth law,
+    or a model of the user's own.
 
-    A model of one's own derives from this class, is registered under the name that rig
-    files use, and has an engine (`stickslip.simulation.engines.base.solves`). Of smooth
-    sliding it gives the force and the response, as far as they are known.
+    A user's model derives from this class, is registered under the name that rig files
+    use, and has an engine (`stickslip.simulation.engines.base.solves`). It returns the
+    force and the linear response of smooth sliding as far as they are known.
     """
 
     def friction(
@@ -35,8 +35,8 @@ class AgeingModel(Record):
         delay: DelayModel,
         velocity: float,
     ) -> float:
-        """Return the force in steady sliding, per contact, of positive `thresholds`;
-        `velocity` in ``x_s`` per time.
+        """Return the force per contact in steady sliding at `velocity`, in ``x_s`` per
+        time, for positive `thresholds`.
         """
         del thresholds, delay, velocity
         raise self._unknown(
@@ -89,7 +89,7 @@ class Langevin(AgeingModel):
         return self.rate**-2
 
     def with_time(self, value: float) -> Self:
-        """Return the ageing with another time."""
+        """Return the ageing with another ageing time."""
         return replace(self, rate=value**-0.5)
 
 
@@ -107,18 +107,18 @@ class ExponentialGrowth(AgeingModel):
 
     @property
     def time(self) -> float:
-        """Time ``1/rate`` in which the lack of strength falls to 1/e."""
+        """Time ``1/rate`` in which the missing strength falls to 1/e."""
         return 1.0 / self.rate
 
     def with_time(self, value: float) -> Self:
-        """Return the ageing with another time."""
+        """Return the ageing with another ageing time."""
         return replace(self, rate=1.0 / value)
 
 
 @register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
 class LogarithmicGrowth(AgeingModel):
-    """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of
+    """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``: the ageing of
     creeping asperities.
 
     ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope`
@@ -132,27 +132,27 @@ class LogarithmicGrowth(AgeingModel):
 @register("tabulated")
 @dataclass(frozen=True)
 class TabulatedGrowth(AgeingModel):
-    """Thresholds that grow as ``f(t) = s g(t)`` by a table: the growth behind a
-    measured friction curve (`friction_curve`).
+    """Thresholds that grow as ``f(t) = s g(t)`` with a tabulated ``g``, such as the
+    growth that explains a measured friction curve (`friction_curve`).
 
     ``s`` is drawn from the interface's distribution of thresholds at birth. Between two
-    ages ``ln g`` is a cubic in ``ln t`` that keeps its shape (Fritsch and Carlson, SIAM
-    J. Numer. Anal. 17, 238, 1980); ``g`` is constant before the first age and after the
-    last. No contact can be stretched at birth (`Interface.newborn`).
+    ages ``ln g`` is a cubic in ``ln t`` that preserves monotony (Fritsch and Carlson,
+    SIAM J. Numer. Anal. 17, 238, 1980); ``g`` is constant before the first age and
+    after the last. Newborn contacts must be unstretched (`Interface.newborn`).
 
     Parameters
     ----------
     ages : tuple of float
-        Ages that rise, at least two, above 0, in time.
+        At least two increasing ages, above 0, in time.
     strengths : tuple of float
-        ``g`` there, above 0. It rises less steeply than the age, so that a contact in
-        steady sliding meets its threshold once.
+        ``g`` at these ages, above 0. It grows less steeply than the age, so that a
+        contact in steady sliding meets its threshold once.
 
     Raises
     ------
     InputError
-        If ages do not rise, there is not a strength for each, or these rise as steeply
-        as the ages.
+        If the ages do not increase, their number is not that of the strengths, or the
+        strengths grow as steeply as the ages.
 
     Examples
     --------
@@ -191,8 +191,8 @@ class TabulatedGrowth(AgeingModel):
 
     @cached_property
     def table(self) -> Array:
-        """Logarithms of ages and strengths, slopes of these, and lowest later
-        strengths, shape (4, n): `stickslip.kernels.hazard.Growth`.
+        """Logarithms of ages and strengths, slopes of the latter, and the lowest
+        strength at any later age, shape (4, n): `stickslip.kernels.hazard.Growth`.
         """
         x, y = np.log([self.ages, self.strengths])
         slope = _slope(self.ages, self.strengths)(x)
@@ -202,11 +202,13 @@ class TabulatedGrowth(AgeingModel):
 
 @lru_cache(maxsize=128)
 def _slope(ages: tuple[float, ...], strengths: tuple[float, ...]) -> Any:
-    """Slope of the logarithm of a strength against that of the age, by pieces."""
-    from scipy.interpolate import PchipInterpolator  # half a second
+    """Slope of the logarithm of a strength against that of the age, a piecewise
+    polynomial.
+    """
+    from scipy.interpolate import PchipInterpolator  # takes half a second to import
 
     return PchipInterpolator(*np.log([ages, strengths])).derivative()
 
 
 FixedGrowth = ExponentialGrowth | LogarithmicGrowth | TabulatedGrowth
-"""Thresholds that are known from the birth of a contact on."""
+"""Ageing in which the whole future threshold of a contact is fixed at its birth."""

@@ -1,10 +1,10 @@
-"""Sliding bodies: the rigid slider, or blocks that each rest on contacts of their own,
-coupled by springs and dashpots.
+"""Sliding bodies: a rigid slider, or coupled blocks that each rest on their own
+contacts.
 
-An elastic body is masses, a symmetric network of springs, dashpots beside them, and the
-springs that pull it. `Chain` and `Sheet` are given by a few numbers; solvers and
-theory ask the same of either: how many blocks there are (`size`), which springs pull
-them (`pulled`) and which couple them (`links`).
+An elastic body consists of masses, a symmetric network of springs and dashpots between
+them, and the springs that pull them. `Chain` and `Sheet` are defined by a few numbers;
+solvers and theory ask each for its number of blocks (`size`), the springs that pull
+them (`pulled`) and the springs that couple them (`links`).
 """
 
 import math
@@ -32,16 +32,16 @@ MassAbove0 = Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
 class Slider(Record):
     """The slider and its driving spring, Eq. (11), per contact.
 
-    As a function it is their mechanical impedance ``Z(s) = M s^2 + M eta s + K``, force
-    over displacement.
+    Called as a function, it returns the mechanical impedance ``Z(s) = M s^2 + M eta s +
+    K``, force over displacement.
 
     Parameters
     ----------
     stiffness : float
         Stiffness of the driving spring ``K/N`` in units of ``k``.
     mass : float
-        ``M/N`` in units of ``f_s * time**2 / x_s``. Zero is the massless limit: theory
-        of stability only.
+        ``M/N`` in units of ``f_s * time**2 / x_s``. Zero is the massless limit, in
+        the theory of stability only.
     damping : float
         ``eta`` in 1/time.
     """
@@ -93,19 +93,19 @@ class Mass(Record):
 
 
 BODIES, register = registry("body")
-"""The elastic bodies by the name of their table in rig files; ``@register("chain")``
+"""The elastic bodies, by the name of their table in rig files; ``@register("chain")``
 gives a class its name there.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElasticBody(Record):
-    """Equal blocks, each on contacts of its own; all numbers are per contact of a
-    block. The base of all bodies.
+    """Base of elastic bodies: equal blocks, each on its own contacts; all numbers are
+    per contact of a block.
 
-    A body of the user's own derives from this class, is registered under the name of
-    its table in rig files, and gives its `size`, the springs that pull its blocks
-    (`pulled`) and those that couple them (`links`).
+    A user's body derives from this class, is registered under the name of its table in
+    rig files, and gives its `size`, the springs that pull its blocks (`pulled`) and the
+    springs that couple them (`links`).
     """
 
     coupling: Annotated[
@@ -144,16 +144,12 @@ class ElasticBody(Record):
 
     @property
     def rows(self) -> int:
-        """Number of rows beside each other; blocks are counted along the drive
-        first.
-        """
+        """Number of rows side by side; blocks are numbered along the drive first."""
         return 1
 
     @property
     def links(self) -> Links:
-        """The springs between blocks: along rows, and where the body has several,
-        from row to row.
-        """
+        """The springs between blocks: along each row, then between rows."""
         block = np.arange(self.size).reshape(self.rows, -1)
         along = self._neighbours(block)
         across = self._neighbours(block.T)
@@ -177,8 +173,9 @@ class ElasticBody(Record):
         return math.sqrt(self.coupling / self.mass)
 
     def _neighbours(self, block: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Pairs of neighbours in rows of blocks; a ring of two would couple them
-        twice, and is left open.
+        """Pairs of neighbours in each row of blocks.
+
+        A ring of two blocks would couple them twice, and is left open.
         """
         pairs = np.stack([block[:, :-1], block[:, 1:]], axis=-1)
         if self.ends == "periodic" and block.shape[1] > 2:
@@ -189,7 +186,7 @@ class ElasticBody(Record):
 @register("chain")
 @dataclass(frozen=True, kw_only=True)
 class Chain(ElasticBody):
-    """A bar of equal blocks in a row, each on contacts of its own; all numbers are per
+    """A bar of equal blocks in a row, each on its own contacts; all numbers are per
     contact of a block.
 
     Each block moves by
@@ -246,17 +243,17 @@ class Sheet(ElasticBody):
     """A sheet of equal blocks on contacts, seen from above; displacements along the
     drive only, per contact.
 
-    Blocks are counted along the drive first: block ``i + along * j`` is the ``i``-th in
-    row ``j``. All numbers but these three are those of a `Chain`, with `coupling`
-    between neighbours in a row, `side` for the first block of every row, and
-    `viscosity` between rows in proportion to their stiffness.
+    Blocks are numbered along the drive first: block ``i + along * j`` is the ``i``-th
+    in row ``j``. The other parameters are those of a `Chain`: `coupling` acts between
+    neighbours in a row, `side` on the first block of every row, and the dashpots
+    between rows are in proportion to their stiffness.
 
     Parameters
     ----------
     along : int
         Number of blocks along the drive.
     across : int
-        Number of rows beside each other.
+        Number of rows side by side.
     shear : float
         Stiffness between neighbouring rows, in units of ``k``.
 

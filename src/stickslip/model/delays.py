@@ -1,4 +1,4 @@
-"""How long a broken contact stays detached."""
+"""Time that a broken contact stays detached."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,11 +20,11 @@ NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
 class DelayModel(Record):
-    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a
+    """Time that a broken contact stays detached: `Delay`, `RandomDelay`, or a
     distribution of the user's own.
 
-    One of one's own gives `sample`, and `parts` or `quadrature`; the rest follows from
-    these.
+    A user's distribution gives `sample`, and `parts` or `quadrature`; the other methods
+    follow from these.
     """
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
@@ -32,16 +32,16 @@ class DelayModel(Record):
         raise NotImplementedError
 
     def parts(self) -> Parts:
-        """Given times and their weights, and the distributions of the rest with theirs;
-        by default given times only.
+        """Discrete delays with their weights, and continuous distributions with theirs;
+        by default discrete delays only.
 
-        The weight that is missing to 1 is that of contacts that never re-attach in
-        smooth sliding.
+        If the weights sum to less than 1, the rest is the fraction of contacts that
+        never re-attach in smooth sliding.
         """
         return self.quadrature(), []
 
     def quadrature(self) -> Nodes:
-        """Rising delays and their weights, for the mean of a smooth function of the
+        """Increasing delays and their weights, for the mean of a smooth function of the
         delay.
         """
         (tau, weight), rest = self.parts()
@@ -118,7 +118,7 @@ class Delay(DelayModel):
         return self.time
 
     def with_mean(self, value: float) -> Self:
-        """Return a delay of another time."""
+        """Return the delay with another time."""
         return replace(self, time=value)
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
@@ -140,8 +140,8 @@ class OnArrest(DelayModel):
     """Broken contacts re-attach when the slider next stops, however long that takes:
     never, in smooth sliding.
 
-    The limit of a delay much longer than a slip and much shorter than the interval
-    between slips.
+    This is the limit of a delay much longer than a slip and much shorter than the
+    interval between slips.
     """
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
@@ -155,13 +155,13 @@ class OnArrest(DelayModel):
 @register("random")
 @dataclass(frozen=True, kw_only=True)
 class RandomDelay(DelayModel):
-    """Delay times drawn from a Gaussian, with the fate of negative draws stated.
+    """Delay times drawn from a Gaussian, with a rule for negative draws.
 
     Parameters
     ----------
     mean, std : float
-        Mean and standard deviation of the Gaussian, before negative draws are dealt
-        with.
+        Mean and standard deviation of the Gaussian, before the rule for negative draws
+        is applied.
     negative : {"clip", "redraw", "fold"}
         A negative draw becomes 0, is drawn again, or changes sign. The paper does not
         say which it used, and its Fig. 7b depends on it.
@@ -180,7 +180,7 @@ class RandomDelay(DelayModel):
             )
 
     def with_mean(self, value: float) -> Self:
-        """Return the delays scaled to another mean, the standard deviation in
+        """Return the delays with another mean, the standard deviation scaled in
         proportion.
         """
         if self.mean == 0:
@@ -197,8 +197,8 @@ class RandomDelay(DelayModel):
         halves = [(positive, self.mean)]
         if self.negative == "fold":
             halves.append((1.0 - positive, -self.mean))
-        # A folded tail too thin to matter is also too thin for a distribution of its
-        # own.
+        # A folded tail of so little weight does not matter, and has too little
+        # probability to be normalised as a distribution.
         kept = [(part, mean) for part, mean in halves if part > 2e-6]
         total = sum(part for part, _ in kept) / (1.0 - atom.sum())
         cut = [

@@ -1,8 +1,8 @@
-"""Distributions of stretchings: a density, and all that follows from it.
+"""Distributions of stretchings: a density, and everything that follows from it.
 
-A class of its own gives `Distribution.density`; everything else has a default by
-quadrature or root finding, which a class that knows better overrides for speed and
-accuracy. `register` gives it the name that rig files use.
+A class gives at least `Distribution.density`; all other methods have a default by
+quadrature or root finding, which a class overrides where a closed form is faster or
+more accurate. `register` gives it the name that rig files use.
 """
 
 import math
@@ -23,8 +23,8 @@ Transforms = tuple[ComplexArray, ComplexArray]
 """Means of ``exp(-q x)`` and of ``x exp(-q x)``."""
 
 NEGLIGIBLE = 1e-16
-"""Probability below which the tail of a distribution is left out of a table (double
-precision of a probability).
+"""Tail probability that a table of a distribution leaves out (the double precision of
+a probability).
 """
 
 
@@ -32,8 +32,8 @@ class Distribution(Record):
     """A probability distribution on stretchings.
 
     A new distribution is a frozen dataclass that derives from this class and gives
-    `density`, of integral 1; the places where it jumps belong into `knots`, and those
-    where it bends make it faster there. The rest follows.
+    `density`, of integral 1. Its `knots` must hold the places where the density jumps;
+    places where it bends may be added for speed. The rest follows.
     """
 
     def density(self, x: ArrayLike) -> Array:
@@ -42,25 +42,23 @@ class Distribution(Record):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Stretchings where the density jumps (a solver may have to look at both
-        sides).
-        """
+        """Stretchings where the density jumps; solvers treat both sides apart."""
         return ()
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
+        """Integral of ``y**order`` times the density over ``y > x``, at each `x`."""
         table = table_of(hashable(self))
         low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
         panel = bin_of(table.edges, low)
         beyond = sums_beyond(np.sum(table.weight * table.x**order, axis=1))
         y, weight = nodes_between(low, table.edges[panel + 1])
         rest = np.sum(weight * _density(self, y) * y**order, axis=-1) / table.total
-        # Where a panel is entered at its very beginning, the sum over all of it is the
-        # same.
+        # If x is the beginning of a panel, this is the sum over the whole panel to
+        # rounding.
         return np.asarray(rest + beyond[panel + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability; by default by root finding
+        """Stretching exceeded with the given probability; by default found as a root
         within a panel.
         """
         table = table_of(hashable(self))
@@ -68,8 +66,8 @@ class Distribution(Record):
         panel = bin_of(-table.survival, -wanted)
         low = table.edges[panel]
         high = table.edges[panel + 1]
-        # The sums over panels are rounded differently from those within one: pin both
-        # ends to the former.
+        # The sums over panels are rounded differently from the integral within one:
+        # pin both ends of a panel to the former.
         top = table.survival[panel]
         bottom = table.survival[panel + 1]
 
@@ -94,14 +92,15 @@ class Distribution(Record):
         """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not
         far below 0.
 
-        By default on panels as fine as `q` needs them.
+        By default by quadrature, on panels as fine as `q` requires.
         """
         flat = q.ravel()
         result = np.empty((2, q.size), dtype=complex)
         scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
         for power in np.unique(scale).tolist():
             own = np.flatnonzero(scale == power)
-            # A bound with few different values: the nodes are kept.
+            # A lower bound of Re q that takes few different values, so that the cached
+            # nodes are used again.
             least = (
                 math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power)
                 * 2.0**power
@@ -121,8 +120,8 @@ class Distribution(Record):
     def leftmost(self) -> float:
         """Abscissa of convergence: `laplace` exists to the right of it.
 
-        By default read off the density: minus infinity where it ends, 0 where it decays
-        ever more slowly, else minus the rate at which its tail decays.
+        By default estimated from the density: minus infinity if its support is bounded,
+        0 if it decays ever more slowly, else minus the decay rate of its tail.
         """
         near, far = self.inverse_survival(np.array([1e-8, 1e-13]))
         if float(self.density(2.0 * far + 1.0)) == 0.0:
@@ -163,11 +162,11 @@ class Distribution(Record):
 
     @property
     def single(self) -> bool:
-        """Whether all values are one and the same, to within rounding."""
+        """Whether all values are equal, to within rounding."""
         return self.standard_deviation() <= 1e-7 * self.moment(1)
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` independent values with the generator handed in."""
+        """Draw `size` independent values with the given generator."""
         return self.inverse_survival(rng.random(size))
 
     def sample_beyond(self, rng: np.random.Generator, bound: ArrayLike) -> Array:
@@ -189,8 +188,10 @@ class Distribution(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class Positive(Distribution):
-    """The positive part of another distribution, or its part beyond the size of a
-    stretching, counted from there.
+    """The part of another distribution above 0, or above the size of a stretching.
+
+    With a `stretching` ``x_0``, only values above ``|x_0|`` are kept, and ``x_0`` is
+    subtracted from them.
     """
 
     whole: Annotated[Distribution, Part("a distribution")]
@@ -213,7 +214,7 @@ class Positive(Distribution):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Its beginning, and the jumps above."""
+        """The lower end, and the jumps above it."""
         begin = abs(self.stretching)
         return (
             begin - self.stretching,
@@ -229,7 +230,7 @@ class its name there.
 
 def check_density(thresholds: Distribution) -> None:
     """Raise `InputError` for thresholds without a density, or so close to each other
-    that none resolves them.
+    that no density resolves them.
     """
     thresholds.density(0.0)
     if thresholds.single:
@@ -255,12 +256,12 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
 
 
 def bin_of(edges: Array, x: Array) -> NDArray[np.intp]:
-    """Number of the bin between rising edges that holds each value, or is nearest."""
+    """Index of the bin between increasing edges that holds each value or is nearest."""
     return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
 
 
 def sums_beyond(values: Array) -> Array:
-    """Sum of all values from each edge between them on: one more than there are."""
+    """Sum of all values beyond each edge of their bins: one more sum than values."""
     return np.append(np.cumsum(values[::-1])[::-1], 0.0)
 
 
@@ -277,7 +278,7 @@ def nodes_between(left: Array, right: Array, count: int = 16) -> Nodes:
 
 
 class QuadratureTable(NamedTuple):
-    """The density of a distribution on panels on each of which Gauss-Legendre
+    """The density of a distribution at Gauss-Legendre nodes, on panels on which the
     quadrature is exact to rounding.
     """
 
@@ -288,7 +289,7 @@ class QuadratureTable(NamedTuple):
     total: float  #: integral of the density as it was given: 1 to within a millionth
 
 
-# up to the largest stretching there may be
+# powers of two from well below any distribution up to the largest stretching, 1e12
 _OCTAVES = np.ldexp(1.0, np.arange(-60, 41))
 _FIRST = np.unique(
     np.concatenate(
@@ -297,23 +298,24 @@ _FIRST = np.unique(
 )
 
 
-# most panels of a table; the narrowest densities take some 4000
+# most panels of a table; the narrowest densities need about 4000
 _PANELS = 1 << 15
-# change of a panel, over its integral, below which one that stalls is rounding: the
-# logarithm of a density of relative width 1e-3 is a difference of terms of 1e6
+# relative change below which a panel that stops converging has reached the rounding of
+# its density: for a relative width of 1e-3 its logarithm is a difference of terms of
+# 1e6
 _ROUNDED = 1e-9
-# probability that is below rounding on any of the panels
+# absolute change that counts as rounding on any panel
 _TAIL = 1e-18
 
 
 @lru_cache(maxsize=64)
 def table_of(distribution: Distribution) -> QuadratureTable:
-    """Return the table of a distribution, its panels halved until halving changes
-    nothing.
+    """Return the table of a distribution, its panels halved until the integrals no
+    longer change.
 
-    Raises `InputError` if the density is negative or no number somewhere, or its
-    integral is not 1: peaks narrower than a hundredth of their place may be missed
-    unless they are among the `knots`.
+    Raises `InputError` if the density is negative or not finite somewhere, or its
+    integral is not 1: a peak narrower than a hundredth of its position may be missed
+    unless it is among the `knots`.
     """
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
     edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
@@ -342,12 +344,12 @@ def table_of(distribution: Distribution) -> QuadratureTable:
 
 
 def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
-    """Return where the panels begin once these are halved until halving changes
-    nothing, or nothing but rounding.
+    """Return the left ends of the panels after halving each until its integral changes
+    by no more than rounding.
 
     Where the density is smooth, each halving reduces the change a thousandfold; where
-    it bends or jumps, only the panel there is halved again. Where the change is small
-    but shrinks no more, it is the rounding of the density itself: halving stops.
+    it bends or jumps, only the panel there is halved again. If the change is small but
+    stops decreasing, it is the rounding error of the density itself: halving stops.
     """
 
     def integral(left: Array, right: Array) -> Array:
@@ -374,7 +376,7 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
             where=halves > 0,
         )
         stalled = np.where(relative > 0.25 * before, stalled + 1, 0)
-        # Relative, so that far tails are right as well.
+        # a relative tolerance, so that far tails are accurate as well
         coarse = change > 1e-13 * halves + 1e-25
         coarse &= (stalled < 2) | (change > _ROUNDED * halves + _TAIL)
         coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
@@ -394,7 +396,7 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
 
 
 def _check_noise(distribution: Distribution, left: Array, change: Array) -> None:
-    """Raise `InputError` if what halving still changes is not small."""
+    """Raise `InputError` if the remaining changes by halving are not small."""
     if change.sum() < 1e-6:
         return
     place = left[int(np.argmax(change))]
@@ -418,11 +420,12 @@ def _density(distribution: Distribution, x: Array) -> Array:
     return density
 
 
-# phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
+# |q| times the width of a panel, up to which sixteen nodes integrate ``exp(-q x)`` to
+# rounding
 _TURN = 8.0
 _NODES = 1 << 20  # most nodes of a transform
-# its width over that of the strip on either side in which an integrand is bounded:
-# exp(-2 pi/.17)
+# step of the trapezoidal rule over the half-width of the strip in which the integrand
+# is analytic and bounded: its error is exp(-2 pi/.17), below rounding
 TRAPEZOID = 0.17
 
 
@@ -435,10 +438,10 @@ def _sums(
     q.size).
     """
     found = np.empty((2, q.size), dtype=complex)
-    # not a number too far left, as for closed forms
+    # far to the left of the abscissa the result is infinite, as for closed forms
     with np.errstate(over="ignore", invalid="ignore"):
         for part in np.array_split(np.arange(q.size), max(q.size // 128, 1)):
-            # no product of matrices: its threads would spin
+            # A product of matrices would start BLAS threads, which wait actively.
             each = weight * np.exp(-np.multiply.outer(q[part], x))
             found[:, part] = each.sum(axis=1), (each * x).sum(axis=1)
     return found
@@ -456,7 +459,7 @@ def _fine_nodes(
         part = table.weight.sum(axis=1) * np.exp(
             -least * (table.edges[:-1] - table.edges[0])
         )
-    # tails, and panels on which all has decayed, are below rounding
+    # tails, and panels where the integrand has decayed, are below rounding
     kept = ~(part <= 1e-20 * part.max())
     left = table.edges[:-1][kept]
     right = table.edges[1:][kept]
@@ -482,14 +485,15 @@ def transforms_on_a_path(
     x: ComplexArray,
     weight: ComplexArray,
 ) -> Transforms:
-    """Transforms of orders 0 and 1 on a path turned off the real axis, for densities
-    without a closed form.
+    """Transforms of orders 0 and 1 along a path rotated off the real axis, for
+    densities without a closed form.
 
-    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do
-    for all `q` with ``Im q >= 0``. The trapezoidal rule converges exponentially.
+    On this path ``exp(-q x)`` decays instead of oscillating, and the same few hundred
+    nodes serve all `q` with ``Im q >= 0``. The trapezoidal rule converges
+    exponentially.
     """
-    # The path is turned for Im q > 0; below the real axis the transform is the
-    # conjugate of its mirror image.
+    # The path is rotated for Im q > 0; below the real axis the transform is the complex
+    # conjugate of that at conj(q).
     below = q.imag < 0
     mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(
         2, *q.shape

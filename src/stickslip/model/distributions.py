@@ -1,8 +1,8 @@
 """The distributions that come with the package, for the thresholds of contacts and for
 their initial stretchings.
 
-A threshold is a stretching at which a contact breaks: of a distribution that reaches
-below zero, its positive part.
+A threshold is a stretching at which a contact breaks. Of a distribution that extends
+below zero only the positive part is used.
 """
 
 import math
@@ -34,7 +34,7 @@ from stickslip.model.records import Number, Part
 LARGEST_STRETCHING = 1e12  # in ``x_s``: beyond any distribution of contacts
 
 
-# The twentieth power of the largest stretching is still a number.
+# With this bound the twentieth power of a stretching is still finite.
 _BOUNDS: Any = {"at_least": -LARGEST_STRETCHING, "at_most": LARGEST_STRETCHING}
 Stretching = Annotated[float, Number(**_BOUNDS, hint="in x_s")]
 Width = Annotated[float, Number(at_least=0, at_most=LARGEST_STRETCHING, hint="in x_s")]
@@ -45,7 +45,7 @@ Above0 = Annotated[float, Number(above=0, at_most=LARGEST_STRETCHING, hint="in x
 @dataclass(frozen=True)
 class Gaussian(Distribution):
     """Gaussian distribution, optionally cut off from below; with a standard deviation
-    of 0 all values are the mean.
+    of 0 all values equal the mean.
 
     Parameters
     ----------
@@ -117,8 +117,8 @@ class Gaussian(Distribution):
         if math.isinf(self.lower) or variance == 0:
             mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
             return mean, (self.mean - q * variance) * mean
-        # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of
-        # the cut.
+        # erfcx evaluates exp(large) * erfc(large) as one function, so that neither side
+        # of the cut overflows.
         z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
         at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
         right = z.real >= 0
@@ -155,7 +155,7 @@ _Bins = tuple[Array, Array]
 
 
 class _Histogram(Distribution):
-    """A distribution whose density is constant within each of some bins."""
+    """A distribution whose density is constant within each of several bins."""
 
     @property
     def _bins(self) -> _Bins:
@@ -176,7 +176,7 @@ class _Histogram(Distribution):
         return self._with((mean + ratio * (self._bins[0] - mean)).tolist())
 
     def _with(self, edges: Sequence[float]) -> Self:
-        """The distribution with other edges."""
+        """Return the distribution with the same weights between other edges."""
         raise NotImplementedError
 
     def density(self, x: ArrayLike) -> Array:
@@ -207,8 +207,8 @@ class _Histogram(Distribution):
         centre = 0.5 * (edges[1:] + edges[:-1])
         half = 0.5 * np.diff(edges)
         z = np.where(q * half == 0, 1e-30, q * half)
-        # exp(-q c) sinh(z)/z and its like: modified Bessel functions of half a whole
-        # order, which do not overflow.
+        # exp(-q c) sinh(z)/z and its derivative: modified Bessel functions of orders
+        # 1/2 and 3/2, scaled so that they do not overflow.
         scale = weights * np.sqrt(0.5 * np.pi / z) * np.exp(np.abs(z.real) - q * centre)
         even = scale * special.ive(0.5, z)
         odd = scale * special.ive(1.5, z)
@@ -246,7 +246,7 @@ class Uniform(_Histogram):
 
 
 def _above_0(x: ArrayLike) -> Array:
-    """Values, the smallest number in place of those at 0 or below."""
+    """Values, with those at 0 or below replaced by the smallest positive number."""
     return np.asarray(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
 
 
@@ -255,8 +255,8 @@ _Form = tuple[float, float, float]
 
 
 class _PowerOfGamma(Distribution):
-    """Values ``scale t**(1/power)``, `t` of a gamma distribution of the given shape
-    and the scale 1.
+    """Values ``scale t**(1/power)``, where `t` has a gamma distribution of the given
+    shape and of scale 1.
     """
 
     @property
@@ -273,7 +273,7 @@ class _PowerOfGamma(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         scale, shape, power = self._form
-        with np.errstate(over="ignore"):  # beyond all numbers nothing is left
+        with np.errstate(over="ignore"):  # t = inf: no probability is left beyond
             t = (np.maximum(np.asarray(x, dtype=float), 0.0) / scale) ** power
         more = order / power
         return np.asarray(
@@ -297,7 +297,7 @@ class _PowerOfGamma(Distribution):
         if power == 1:
             base = 1.0 + scale * q
             return base**-shape, scale * shape * base ** (-shape - 1.0)
-        turn = 0.7 * min(1.0, power)  # off the real axis
+        turn = 0.7 * min(1.0, power)  # angle of the path to the real axis
         t = np.exp(np.arange(-40.0, 4.8, TRAPEZOID * turn) - 1j * turn)
         weight = t**shape * np.exp(-t)
         return transforms_on_a_path(
@@ -317,7 +317,7 @@ class _PowerOfGamma(Distribution):
 @register("exponential")
 @dataclass(frozen=True)
 class Exponential(_PowerOfGamma):
-    """Exponential distribution: a contact that has no memory of its stretching."""
+    """Exponential distribution: the breaking rate does not depend on the stretching."""
 
     mean: Above0
 
@@ -360,8 +360,8 @@ class LogNormal(Distribution):
         return math.log(self.mean) - 0.5 * self.log_std**2
 
     def _log(self, order: int = 0) -> Gaussian:
-        """The distribution of the logarithm, of values that count by their power of
-        this order.
+        """Distribution of the logarithm, with each value weighted by its power of the
+        given order.
         """
         return Gaussian(self.log_mean + order * self.log_std**2, self.log_std)
 
@@ -370,7 +370,7 @@ class LogNormal(Distribution):
         return self._log().density(np.log(above)) / above
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        # a wide distribution has high moments beyond any number
+        # high moments of a wide distribution may overflow
         with np.errstate(over="ignore"):
             all_of_it = np.exp(
                 order * self.log_mean + 0.5 * (order * self.log_std) ** 2
@@ -384,8 +384,8 @@ class LogNormal(Distribution):
         return rng.lognormal(self.log_mean, self.log_std, size)
 
     def transform(self, q: ComplexArray) -> Transforms:
-        # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2),
-        # at most 90.
+        # The path x = exp(log_mean + log_std (z - i turn)) enlarges the density by
+        # exp(turn^2/2), at most 90.
         turn = min(3.0, 0.7 / self.log_std)
         z = np.arange(-9.0, 9.0, TRAPEZOID * turn) - 1j * turn
         x = np.exp(self.log_mean + self.log_std * z)
@@ -398,8 +398,8 @@ class LogNormal(Distribution):
 @register("weibull")
 @dataclass(frozen=True)
 class Weibull(_PowerOfGamma):
-    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of
-    many.
+    """Weibull distribution, of the weakest of many links:
+    ``J_c(x) = exp(-(x/scale)**shape)``.
     """
 
     scale: Above0
@@ -418,9 +418,9 @@ class Empirical(_Histogram):
     Parameters
     ----------
     edges : sequence of float, shape (n + 1,)
-        Rising edges of the bins.
+        Increasing edges of the bins.
     weights : sequence of float, shape (n,)
-        Non-negative weights of the bins; stored normalised to a sum of one.
+        Non-negative weights of the bins; stored normalised to a sum of 1.
     """
 
     edges: tuple[Annotated[float, Number(**_BOUNDS, hint="edges of bins, in x_s")], ...]
@@ -441,8 +441,8 @@ class Empirical(_Histogram):
         if total <= 0:
             raise InputError("Empirical.weights: must have a positive sum")
         if abs(total - 1.0) <= 4e-16:
-            # normalised already: a distribution made again from its fields is the same
-            # distribution
+            # Already normalised: keep the weights to the bit, so that a distribution
+            # made from these fields compares equal.
             total = 1.0
         object.__setattr__(self, "weights", tuple(w / total for w in weights))
 
@@ -451,8 +451,8 @@ class Empirical(_Histogram):
         """Make the histogram of measured values: at least two different finite values,
         else `InputError`.
 
-        The `bins` are equal; by default there are as many as numpy's rule ``"auto"``
-        says.
+        The `bins` have equal widths; by default numpy's rule ``"auto"`` sets their
+        number.
         """
         values = np.ravel(numbers("Empirical.from_samples", samples))
         if np.ptp(values) == 0:
@@ -486,8 +486,8 @@ class SteadyState(Distribution):
     """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed
     point of Eq. (1).
 
-    Used as ``initial=``, with the `thresholds` of the same interface, it makes the
-    interface start in the state it ends in: the force stays at ``F_k``.
+    Used as ``initial=``, with the `thresholds` of the same interface, it starts the
+    interface in its final state: the force stays at ``F_k``.
     """
 
     thresholds: Annotated[

@@ -1,5 +1,5 @@
 """The drive: the far end of the driving spring, moved at a velocity that is piecewise
-linear in time, or a force on a mass without a spring; and the normal load meanwhile.
+linear in time, or a force on a mass without a spring; and the normal load over time.
 
 Drives are values: comparable, printable, joined by `Drive.then`.
 
@@ -54,7 +54,7 @@ Until = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Piece(Record):
-    """A stretch of time in which the drive's velocity goes linearly from `start` to
+    """A time interval in which the drive velocity changes linearly from `start` to
     `end`.
 
     `until`, if given, ends the piece early, at the first sample of the run where the
@@ -74,7 +74,9 @@ class Piece(Record):
 
 @dataclass(frozen=True)
 class LoadPoint(Record):
-    """The normal load at a time, over that at which contacts have their strength."""
+    """The normal load at a time, relative to the load at which the strength of the
+    contacts is given.
+    """
 
     time: Annotated[float, Number("time", at_least=0, place="Drive.load time")]
     load: Annotated[float, Number(above=0, place="Drive.load")]
@@ -82,8 +84,8 @@ class LoadPoint(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class ForcePiece(Record):
-    """A stretch of time in which the force of the drive goes linearly from `start` to
-    `end`; `until` as of a `Piece`.
+    """A time interval in which the driving force changes linearly from `start` to
+    `end`; `until` as in a `Piece`.
     """
 
     start: Force
@@ -93,16 +95,17 @@ class ForcePiece(Record):
 
     @property
     def rate(self) -> float:
-        """Constant rate of the force."""
+        """Constant rate of change of the force."""
         return (self.end - self.start) / self.duration
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A sequence of pieces, made with `constant` and `ramp`, or of forces, made with
-    `pull`; and the normal load, which is 1 unless `under` sets it.
+    """A sequence of pieces of given velocity, made with `constant` and `ramp`, or of
+    given force, made with `pull`; and the normal load, which is 1 unless `under` sets
+    it.
 
-    The load is given at times since the beginning. It is linear between them and
+    The load is given at times from the start of the drive, linear between them and
     constant beyond; two points at one time are a jump.
     """
 
@@ -136,7 +139,7 @@ class Drive:
                 )
 
     def _repr_html_(self) -> str:
-        """A card for a notebook: each piece, with its natural units."""
+        """A card for a notebook: each piece in natural units."""
         unit = "x_s/time" if self.pieces else "f_s"
         rows = [(f"from ({unit})", f"to ({unit})", "for (time)")]
         for piece in self.parts:
@@ -152,24 +155,26 @@ class Drive:
 
     @property
     def duration(self) -> float:
-        """Time the whole drive lasts if no condition ends a piece early."""
-        # in order, as a run adds them up
+        """Duration of the whole drive if no condition ends a piece early."""
+        # summed in this order, as a run does, so that rounding is the same
         *_, total = accumulate(piece.duration for piece in self.parts)
         return total
 
     @property
     def velocity(self) -> float:
-        """Velocity at the beginning; 0 of a force."""
+        """Velocity at the beginning; 0 for a drive by a force."""
         return self.pieces[0].start if self.pieces else 0.0
 
     @property
     def velocities(self) -> list[float]:
-        """Velocities at the ends of the pieces, in turn; each once where it stays."""
+        """Velocities at the ends of the pieces, in order, without repeats in a row."""
         through = [end for piece in self.pieces for end in (piece.start, piece.end)]
         return [velocity for velocity, _ in groupby(through)]
 
     def then(self, other: "Drive") -> "Drive":
-        """Return this drive followed by another; the load stays until that sets one."""
+        """Return this drive followed by another; the load stays constant until the
+        other drive sets one.
+        """
         instance("Drive.then", other, Drive, "a drive, made with constant() or ramp()")
         load = self.load
         if other.load:
@@ -181,8 +186,8 @@ class Drive:
         return Drive(self.pieces + other.pieces, load, self.force + other.force)
 
     def under(self, load: float | Iterable[tuple[float, float]]) -> "Drive":
-        """Return the drive under a normal load, over that at which the contacts have
-        their strength: a number, or pairs of a time and a load.
+        """Return the drive under a normal load, a number or pairs of a time and a load,
+        relative to the load at which the strength of the contacts is given.
 
         >>> braking = constant(1.0, duration=20).under([(5.0, 1.0), (10.0, 3.0)])
         >>> braking.load[-1]
@@ -199,8 +204,8 @@ class Drive:
         return replace(self, load=tuple(points))
 
     def until(self, condition: Condition) -> "Drive":
-        """Return the drive with its last piece ended early, at the first sample
-        where the condition holds.
+        """Return the drive with its last piece ended early, at the first sample where
+        the condition holds.
         """
         name = "pieces" if self.pieces else "force"
         *before, last = self.parts
@@ -208,8 +213,8 @@ class Drive:
         return replace(self, **{name: (*before, ended)})  # type: ignore[arg-type]
 
     def faster(self, factor: float) -> Self:
-        """Return the same path at velocities that are larger by a factor, in as much
-        less time, its load, too.
+        """Return the same path at velocities larger by a factor, in a time shorter by
+        it; the times of the load are shortened, too.
         """
         return converted(
             self,
@@ -220,16 +225,16 @@ class Drive:
 
 
 USUAL_DISTANCE = 120.0
-"""Default distance of a drive at constant velocity, in ``x_s``: most transients have
+"""Default travel of a drive at constant velocity, in ``x_s``: most transients have
 decayed by then.
 """
 
 
 def constant(velocity: float, duration: float | None = None) -> Drive:
-    """Pull at a constant velocity (in ``x_s`` per time) for a time.
+    """Pull at a constant velocity, in ``x_s`` per time.
 
-    By default until the drive has gone 120 ``x_s``. Zero velocity for a time is a
-    *hold*, as in slide-hold-slide.
+    The default duration is that of a travel of 120 ``x_s``. Zero velocity for a given
+    time is a *hold*, as in slide-hold-slide.
 
     >>> constant(2.0).duration
     60.0
@@ -243,13 +248,13 @@ def constant(velocity: float, duration: float | None = None) -> Drive:
 
 
 def ramp(start: float, end: float, duration: float) -> Drive:
-    """Pull at a velocity that goes linearly from `start` to `end`."""
+    """Pull at a velocity that changes linearly from `start` to `end`."""
     return Drive((Piece(start=start, end=end, duration=duration),))
 
 
 def pull(start: float, end: float | None = None, *, duration: float) -> Drive:
-    """Pull a `Mass` with a force per contact, in ``f_s``: constant, or going linearly
-    from `start` to `end`.
+    """Pull a `Mass` with a force per contact, in ``f_s``: constant, or changing
+    linearly from `start` to `end`.
 
     >>> pull(0.0, 0.6, duration=30).then(pull(0.6, duration=10)).duration
     40.0

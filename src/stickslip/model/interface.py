@@ -21,8 +21,8 @@ _MECHANISMS = (
     "slip_to_slip_scatter",
     "areas",
 )
-"""Fields that are None or 0 where the interface has no such mechanism."""
-_SIZES = 1e-3, 1e3  # in ``x_s``, between which the median of the thresholds must lie
+"""Fields of mechanisms; None or 0 where the interface does not have the mechanism."""
+_SIZES = 1e-3, 1e3  # bounds of the median of the thresholds, in ``x_s``
 
 
 @dataclass(frozen=True)
@@ -62,41 +62,42 @@ class Interface(Record):
     ----------
     thresholds : Distribution
         Distribution of the stretchings at which contacts break, ``P_c``; conditioned on
-        positive values by the solvers. Half of them lie below some value between 0.001
-        and 1000: lengths are in units of ``x_s``. Left out where `areas` are given.
+        positive values by the solvers. Its median must lie between 0.001 and 1000, as
+        lengths are in units of ``x_s``. Omitted where `areas` are given.
     initial : Distribution
         Distribution of the stretchings at the start, ``Q(x; X=0)``; a contact that
         starts at ``x_0`` has a threshold beyond ``|x_0|``. `SteadyState` starts from
         the distribution of smooth sliding.
     delay : DelayModel
-        How long a broken contact stays detached.
+        Time that a broken contact stays detached.
     ageing : AgeingModel, optional
-        How thresholds grow with the age of a contact; by default they do not.
+        Growth of thresholds with the age of a contact; by default none.
     activation : ActivationModel, optional
-        How contacts break before their threshold, a `Bell`, `Parabolic` or `Barrier`;
-        by default they do not.
+        Thermal activation, a `Bell`, `Parabolic` or `Barrier`, which breaks contacts
+        before their threshold; by default none.
     sliding_force : float
         Force ``f_d`` of a detached contact while it slides, in ``f_s``, against the
-        motion. Detached contacts slide together: where the slider turns round they
-        follow it elastically, with their stiffness ``k``, until the force is ``f_d``
-        the other way.
+        motion. All detached contacts slide together: when the slider reverses they
+        follow it elastically, with their stiffness ``k``, until the force is ``f_d`` in
+        the other direction.
     newborn : Distribution, optional
         Distribution of the stretchings with which contacts re-attach, along the motion
-        of the slider; by default they are unstretched. Like a contact of the start, one
-        that re-attaches at ``x_0`` has a threshold beyond ``|x_0|``.
-        ``Gaussian(mean=f_d, std=0.0)`` re-attaches them as they slide.
+        of the slider; by default they are unstretched. A contact that re-attaches at
+        ``x_0`` has a threshold beyond ``|x_0|``, as at the start.
+        ``Gaussian(mean=f_d, std=0.0)`` re-attaches contacts with the force of sliding.
     slip_to_slip_scatter : float
-        Scatter from slip to slip of all thresholds alike: the standard deviation of the
-        factor, of mean 1, that the thresholds drawn between two arrests of the slider
-        have in common. The factor is log-normal, as the strength of a track is the
-        product of many influences: it is positive, and half as strong is as likely as
-        twice. Of contacts of different areas it is the areas that have it in common;
-        where they are kept, those of the contacts that attach then.
+        Scatter from slip to slip that all thresholds share: the standard deviation of a
+        common factor, of mean 1, of all thresholds drawn between two arrests of the
+        slider. The factor is log-normal, as the strength of a track is the product of
+        many influences: it is positive, and half the strength is as likely as twice.
+        With `areas` the factor applies to the areas; with kept areas, to those of the
+        contacts that attach in this interval.
     areas : Areas, optional
         Areas of contacts that differ in stiffness and strength, in place of
-        `thresholds`; by default all contacts are equally stiff. Threshold forces grow
-        with age by the rule of `ageing`; `sliding_force` is that of a detached contact
-        of any area. Steady sliding is known in closed form, runs take `Contacts`.
+        `thresholds`; by default all contacts have the same stiffness. Threshold forces
+        grow with age by the rule of `ageing`; `sliding_force` is the force of a
+        detached contact of any area. Steady sliding is known in closed form; runs
+        require `Contacts`.
 
     Raises
     ------
@@ -161,7 +162,7 @@ class Interface(Record):
         name = "thresholds" if self.areas is None else "areas"
         place = f"Interface.{name}"
         median = float(self.threshold_distribution.inverse_survival(0.5))
-        # small numbers of solvers are small beside x_s
+        # solvers take small numbers to be small relative to x_s
         if not _SIZES[0] <= median <= _SIZES[1]:
             raise InputError(
                 f"{place} = {getattr(self, name)}: half of them lie below "
@@ -201,8 +202,8 @@ class Interface(Record):
 
     @property
     def mechanisms(self) -> frozenset[str]:
-        """Names of the mechanisms beyond thresholds and a delay that the interface
-        has; each is a field of its own.
+        """Names of the interface's mechanisms beyond thresholds and a delay: names of
+        fields, or ``on_arrest``.
         """
         fields = {name for name in _MECHANISMS if getattr(self, name)}
         return frozenset(
@@ -215,8 +216,8 @@ class Interface(Record):
         who: str,
         otherwise: str = ", or simulate",
     ) -> None:
-        """Raise `InputError` if the interface has a mechanism that is not among
-        those that `who` can take.
+        """Raise `InputError` if the interface has a mechanism that is not among the
+        `mechanisms` that `who` supports.
         """
         for name in sorted(self.mechanisms.difference(mechanisms)):
             field = "delay" if name == "on_arrest" else name
@@ -230,8 +231,8 @@ class Interface(Record):
 
     @cached_property
     def threshold_distribution(self) -> Distribution:
-        """Distribution of the threshold forces conditioned on positive values, as every
-        solver uses it; of contacts of different areas that of the areas.
+        """Distribution of the threshold forces, conditioned on positive values, as all
+        solvers use it; with `areas`, the distribution of the areas.
         """
         forces = self.thresholds if self.areas is None else self.areas.distribution
         assert forces is not None
@@ -239,5 +240,5 @@ class Interface(Record):
 
     @property
     def keeps_areas(self) -> bool:
-        """Whether contacts differ in area, and each keeps its own."""
+        """Whether contacts differ in area and each keeps its own."""
         return self.areas is not None and self.areas.kept

@@ -15,9 +15,7 @@ _POINT = "points (velocity, friction), or (velocity, friction, error)"
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredFriction(Record):
-    """Friction at several speeds that rise, at least two, each with its standard
-    error.
-    """
+    """Friction at two or more increasing speeds, each value with its standard error."""
 
     velocities: Annotated[tuple[float, ...], Number("x_s/time", above=0)]
     forces: Annotated[tuple[float, ...], Number("f_s", above=0)]
@@ -33,8 +31,9 @@ class MeasuredFriction(Record):
 
     @classmethod
     def of_points(cls, points: Any, place: str = "points") -> Self:
-        """Make a curve of points in any order. An error that is not given is the
-        rounding error of the forces.
+        """Make a curve from points in any order.
+
+        A missing error is taken as the rounding error of the forces.
         """
         rows = []
         for i, point in enumerate(sequence(place, points, _POINT)):
@@ -60,14 +59,14 @@ class MeasuredFriction(Record):
         )
 
     def without(self, viscosity: float) -> Self:
-        """Return the curve less a viscous force, per velocity."""
+        """Return the curve less a viscous force, `viscosity` times the velocity."""
         each = zip(self.velocities, self.forces, strict=True)
         return replace(self, forces=tuple(f - viscosity * v for v, f in each))
 
 
 def rounding_error(values: Sequence[float]) -> float:
-    """Return half a unit of the last decimal place, of the number that has the most
-    decimal places.
+    """Return half a unit of the last decimal place of the number with the most decimal
+    places.
     """
     digits = (Decimal(repr(value)).normalize().as_tuple() for value in values)
     return float(0.5 * 10.0 ** min(int(each.exponent) for each in digits))

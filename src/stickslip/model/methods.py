@@ -1,6 +1,4 @@
-"""How a rig is simulated: the method, what is recorded, and the state that a run
-starts from.
-"""
+"""How a rig is simulated: the method, the recorded output, and the initial state."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -25,10 +23,10 @@ class Contacts(Record):
     Parameters
     ----------
     count : int
-        Number of contacts ``N``; of an elastic slider, those of each block.
+        Number of contacts ``N``; with an elastic slider, of each block.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (With
-        thresholds that age, other times of recording may be other steps, and give
+        thresholds that age, other recording times may change the time steps, and give
         another run of the same distribution.)
     """
 
@@ -42,21 +40,21 @@ class Contacts(Record):
 @register("master equation")
 @dataclass(frozen=True, kw_only=True)
 class MasterEquation(Record):
-    """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts,
-    to a given error.
+    """Method: the master equation, Eqs. (1)-(4), the limit of infinitely many contacts,
+    solved to a given error.
 
     Parameters
     ----------
     rtol : float
-        Error of the forces, in ``f_s`` per contact: root mean square over some cycles,
-        within a factor of 10. Steps of time follow from it. With thresholds that age by
-        `Langevin` it is the kinetic equation that is solved, at a resolution whose
-        error in the steady force is ten times that, up to ``velocity = rate**2``
+        Error of the forces, in ``f_s`` per contact: root mean square over several
+        cycles, within a factor of 10. It sets the time steps. With thresholds that age
+        by `Langevin` the kinetic equation is solved instead, at a resolution whose
+        error in the steady force is ten times `rtol`, up to ``velocity = rate**2``
         (default: 0.1 %, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of
-        the true delay. It has no memory and gives an oscillation of its own; for
-        comparison only.
+        the true delay. It has no memory and gives an oscillation that the true delay
+        does not have; for comparison only.
     """
 
     rtol: Annotated[
@@ -71,14 +69,15 @@ class Population(Record):
     """Method: any number of contacts, counted by cohorts, at a cost that does not
     depend on their number.
 
-    Contacts that attached together are one cohort, and how many of them break is drawn:
-    binomial numbers, from the distribution of thresholds. Mean, variance, spectrum and
-    cycles are those of `Contacts`, to the tolerance; single contacts are not tracked.
+    Contacts that attached together form a cohort, and the number of them that break is
+    drawn from a binomial distribution, by the distribution of thresholds. Mean,
+    variance, spectrum and cycles are those of `Contacts`, to the tolerance; single
+    contacts are not tracked.
 
     Parameters
     ----------
     count : int
-        Number of contacts ``N``; of an elastic slider, those of each block.
+        Number of contacts ``N``; with an elastic slider, of each block.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (Where a
         piece of the drive ends on a condition, other times of recording may give
@@ -86,8 +85,8 @@ class Population(Record):
     rtol : float
         Error of the mean motion, as for `MasterEquation`. At most a fraction
         ``.02 sqrt(rtol/1e-4)`` of the contacts breaks in a step. Fluctuations faster
-        than some steps are too weak: by 7 % at 1e-4 while the slider goes .1 ``x_s``,
-        by a third of that at 1e-5.
+        than a few steps are too weak: while the slider moves .1 ``x_s``, by 7 % at
+        1e-4 and by a third of that at 1e-5.
 
     Examples
     --------
@@ -103,8 +102,8 @@ class Population(Record):
     1.0
     """
 
-    # Beyond, a double no longer counts, and the survival of thresholds is not known to
-    # one contact.
+    # Beyond this number the survival of thresholds, a double, does not resolve a single
+    # contact.
     count: Annotated[
         int, Number(at_least=1, at_most=1_000_000_000, hint="number of contacts N")
     ] = 1_000_000
@@ -118,11 +117,11 @@ class Population(Record):
 @dataclass(frozen=True)
 class QuasiStatic(Record):
     """Method: `count` contacts on each block of an elastic slider, event by event, in
-    balance all the time.
+    balance at all times.
 
-    Without inertia and damping: between events the body stands still but for the drive,
-    and a slip is a cascade of breaks in no time. Right where the drive is slow against
-    everything else; hundreds of times faster there.
+    There is no inertia or damping: between events the body moves only with the drive,
+    and a slip is an instantaneous cascade of breaks. This is accurate where the drive
+    is much slower than everything else, and hundreds of times faster there.
 
     Parameters
     ----------
@@ -168,11 +167,11 @@ class Output(Record):
         Time between samples; by default some fine fraction of the run that resolves the
         oscillation of the slider.
     snapshots : tuple of float
-        Times at which to record the distribution of stretchings ``Q(x)``.
+        Times at which the distribution of stretchings ``Q(x)`` is recorded.
     bins : int
-        Bins of a snapshot.
+        Number of bins of a snapshot.
     state : bool
-        Whether the run keeps the state at its end, from which another one goes on:
+        Whether the run keeps its final state, from which another run can continue:
         ``simulate(rig, start=run)``. It changes no number of the run.
     """
 
@@ -196,24 +195,24 @@ Profile = Annotated[
 
 @dataclass(frozen=True)
 class FromRest:
-    """Start: slider at rest, spring unstretched, contacts with the interface's
-    initial distribution.
+    """Start: slider at rest, spring unstretched, contacts with the interface's initial
+    distribution.
     """
 
 
 @dataclass(frozen=True, kw_only=True)
 class FromSliding(Record):
-    """Start: steady smooth sliding at the drive's first velocity, contacts detached as
-    they then are on average.
+    """Start: steady smooth sliding at the drive's first velocity, with the mean number
+    of detached contacts of that state.
 
     Parameters
     ----------
     perturbation : float or tuple of float
-        Added to the slider's velocity, as a fraction of it: whether it decays or grows
-        shows the stability. For an elastic slider one number for all blocks, or one for
+        Added to the slider's velocity, as a fraction of it; whether it decays or grows
+        shows the stability. For an elastic slider a number for all blocks, or one for
         each.
     at_rest : int
-        Of an elastic slider, how many of the first blocks are at rest instead, in
+        For an elastic slider, number of first blocks that are at rest instead, in
         balance, their contacts with the interface's initial distribution: stick-slip
         and smooth sliding side by side.
     """
@@ -225,7 +224,7 @@ class FromSliding(Record):
 @dataclass(frozen=True, kw_only=True)
 class Prestressed(Record):
     """Start: an elastic slider at rest on stretched contacts, in balance, and a push
-    that sets it off.
+    that starts its motion.
 
     All contacts of a block have the same stretching, whatever the interface's initial
     distribution. Driving springs balance them with the drive at 0; a block without one
@@ -234,11 +233,11 @@ class Prestressed(Record):
     Parameters
     ----------
     stretching : float or tuple of float
-        Of the contacts, in ``x_s``: one for all blocks, or one for each.
+        Stretching of the contacts, in ``x_s``: one for all blocks, or one for each.
     push : float
-        Constant force on each of the first blocks besides, in ``f_s`` per contact.
+        Additional constant force on each pushed block, in ``f_s`` per contact.
     pushed_blocks : int
-        How many are pushed; of a `Sheet`, in each row.
+        Number of blocks that are pushed, from the first on; in a `Sheet`, of each row.
 
     Examples
     --------
@@ -259,8 +258,8 @@ Start = FromRest | FromSliding | Prestressed
 
 
 def check_start(start: object, body: object) -> None:
-    """Raise `InputError` if a prestress is not one of the blocks of an elastic
-    body.
+    """Raise `InputError` if a `Prestressed` start does not fit the number of blocks of
+    an elastic body.
     """
     if not (isinstance(start, Prestressed) and isinstance(body, ElasticBody)):
         return

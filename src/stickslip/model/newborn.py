@@ -19,11 +19,11 @@ def stretching_nodes(
     thresholds: Distribution,
     finer: float = 1.0,
 ) -> Nodes:
-    """Quadrature nodes of stretchings below the largest threshold, between jumps, and
-    their weights of sum 1.
+    """Quadrature nodes of the stretchings below the largest threshold, and their
+    weights of sum 1.
 
-    Sixteen nodes for every four standard deviations do for distributions without jumps,
-    and `finer` times as many may be asked for.
+    Panels end at the jumps of both distributions. Sixteen nodes for every four standard
+    deviations suffice for distributions without jumps; `finer` multiplies their number.
     """
     std = distribution.standard_deviation()
     if std == 0:
@@ -53,12 +53,12 @@ def stretching_nodes(
 
 
 def mean_life(interface: Interface) -> tuple[float, float]:
-    """Distance of the slider and work of a contact from birth to break, on average in
-    steady sliding.
+    """Mean displacement of the slider, and mean work of a contact, from its attachment
+    to its break in steady sliding.
 
     They are ``<x_s - x_0>``, the mean threshold where newborns are unstretched, and
-    ``<x_s^2 - x_0^2>/2``; newborns have the stretchings of `Interface.newborn`, and
-    hold beyond them.
+    ``<x_s^2 - x_0^2>/2``; newborns have the stretchings ``x_0`` of `Interface.newborn`,
+    and thresholds beyond them.
     """
     thresholds = interface.threshold_distribution
     if interface.newborn is None:
@@ -72,10 +72,10 @@ def mean_life(interface: Interface) -> tuple[float, float]:
 
 
 def half_distance(interface: Interface) -> float:
-    """Return the distance slid within the mean delay at the speed at which the friction
-    of slow sliding has halved.
+    """Return the distance slid within the mean delay at the speed where the friction is
+    half that of slow sliding.
 
-    Raises `InputError` if it never halves.
+    Raises `InputError` if it never falls to half.
     """
     path, work = mean_life(interface)
     force = interface.sliding_force
@@ -90,17 +90,18 @@ def half_distance(interface: Interface) -> float:
 
 
 def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
-    """Return thresholds and sliding force of unstretched newborns that answer
-    perturbations of steady sliding alike.
+    """Return thresholds and sliding force of an interface with unstretched newborns
+    that responds equally to perturbations of steady sliding.
 
-    Newborn contacts are all stretched alike.
+    All newborn contacts must have the same stretching.
     """
     thresholds = interface.threshold_distribution
     newborn = interface.newborn
     if newborn is None:
         return thresholds, interface.sliding_force
     x = newborn.moment(1)
-    # Contacts that re-attach as they slide: a difference by rounding is not a force.
+    # Contacts that re-attach with the force of sliding: a difference by rounding is not
+    # a force.
     force = (
         0.0
         if math.isclose(interface.sliding_force, x, rel_tol=1e-12)
@@ -121,10 +122,11 @@ def thresholds_beyond(
     stretching: ArrayLike,
     factor: float = 1.0,
 ) -> Array:
-    """Draw thresholds, `factor` times those of the distribution, that hold contacts of
-    these stretchings.
+    """Draw thresholds, `factor` times those of the distribution, above the size of the
+    given stretchings.
 
-    A contact stretched so far that no threshold would hold it has just its stretching.
+    A contact stretched beyond the largest threshold gets its own stretching as
+    threshold.
     """
     reach = np.abs(np.asarray(stretching, dtype=float))
     drawn = factor * thresholds.sample_beyond(
@@ -133,7 +135,7 @@ def thresholds_beyond(
     return np.asarray(np.maximum(drawn, reach))
 
 
-# times: if one in a thousand is within the thresholds, all are but for exp(-100)
+# rounds; if one value in 1000 is acceptable, all are after these but for exp(-100)
 _REDRAWN = 100_000
 
 
@@ -145,7 +147,7 @@ def stretchings_within(
 ) -> Array:
     """Draw stretchings; those beyond the largest threshold are drawn again.
 
-    Raises `InputError` if next to none lies within it.
+    Raises `InputError` if almost no stretching lies within it.
     """
     x = distribution.sample(rng, size)
     for _ in range(_REDRAWN):

@@ -1,4 +1,4 @@
-"""The parameters of a rig: what can be read, set and varied by name, one at a time."""
+"""The parameters of a rig, which can be read, set and varied by name."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ class Parameter:
     """One positive parameter of a `Rig` that can be read and set."""
 
     name: str
-    unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures
+    unit: str  #: natural unit, ``"x_s/time"``, or its quantity, ``"velocity"``
     title: str = ""  #: its name in words
     zero: bool = False  #: whether it may be 0
-    #: whether it is a unit of the rig's own: varying it changes all that is measured in
-    #: it
+    #: whether it is one of the rig's own units: varying it changes every quantity that
+    #: has this unit
     rescales: bool = False
-    #: name of a parameter that stays, though its substitute in a file does not
+    #: parameter that stays constant when this one varies, though a rig file may give
+    #: another quantity in its place that does not
     holds: str = ""
     #: the value in a rig in natural units
     get: Callable[[Rig], float] = field(repr=False)
@@ -41,14 +42,16 @@ class Parameter:
 
 
 _FIELDS = dict[str, dict[str, str]]()
-"""Parameters of a part of a rig, each with the field that holds it."""
+"""For each part of a rig, its parameters and the fields that hold them."""
 
 
 def _parameter_of_part(
     name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any
 ) -> Parameter:
-    """Parameter of the slider or of a part of the interface: a field, or what it has
-    by this name and sets `with_`.
+    """Make the parameter that reads and sets a field of the slider or of a part of the
+    interface.
+
+    Where the part has a method ``with_<field>``, that method sets it.
     """
     field = field or name
     _FIELDS.setdefault(part, {})[name] = field
@@ -86,8 +89,8 @@ def _parameter_of_part(
 
 @lru_cache
 def damping_of_mode(number: int) -> Parameter:
-    """Return the damping of a mode of `Modes` as a parameter, ``damping_1`` and so
-    on.
+    """Return the damping of a mode of `Modes` as a parameter, named ``damping_1`` and
+    so on.
     """
 
     def dampings(rig: Rig) -> list[float]:
@@ -129,14 +132,16 @@ def _velocity(rig: Rig) -> float:
 
 
 def _set_velocity(rig: Rig, value: float) -> Rig:
-    """The same path of the drive at another speed; from rest a constant velocity,
-    for as long.
+    """Return the rig with the same path of the drive at another speed.
+
+    A drive that is constant, or begins at rest, becomes a constant velocity over the
+    same distance or duration.
     """
     drive = rig.drive
     before = VELOCITY.get(rig)
     if value == before:
         return rig
-    if value > 0 and rig.operation.speeds:  # that of the drive is the first
+    if value > 0 and rig.operation.speeds:  # the first is the drive's velocity
         speeds = (value, *rig.operation.speeds[1:])
         rig = replace(rig, operation=replace(rig.operation, speeds=speeds))
     if before == 0 or drive == constant(before, drive.duration):
@@ -176,7 +181,7 @@ VELOCITY = Parameter(
     get=_velocity,
     set=_set_velocity,
 )
-"""Velocity of the drive at its beginning; the path of the drive stays."""
+"""Velocity of the drive at its beginning; the path of the drive is unchanged."""
 DELAY = _parameter_of_part(
     "delay",
     "time",
@@ -185,7 +190,7 @@ DELAY = _parameter_of_part(
     "mean",
     zero=True,
 )
-"""Delay time; for a `RandomDelay` its mean, the standard deviation kept in
+"""Delay time; the mean of a `RandomDelay`, whose standard deviation is scaled in
 proportion.
 """
 STD = _parameter_of_part(
@@ -194,8 +199,8 @@ STD = _parameter_of_part(
     "standard deviation of the thresholds",
     "thresholds",
 )
-"""Standard deviation of the thresholds at constant mean: the distribution's own
-``std``, else as it is.
+"""Standard deviation of the thresholds at constant mean: the field ``std`` of the
+distribution, or ``with_std`` of a histogram.
 """
 AGEING = _parameter_of_part(
     "ageing",
@@ -204,7 +209,7 @@ AGEING = _parameter_of_part(
     "ageing",
     "time",
 )
-"""Time in which thresholds age: ``rate**-2`` for `Langevin`."""
+"""Time in which thresholds age: ``rate**-2`` in `Langevin`."""
 
 
 def _unit_of_the_rig(
@@ -215,16 +220,18 @@ def _unit_of_the_rig(
     length: int,
     holds: str = "",
 ) -> Parameter:
-    """Parameter that is a unit of the rig: 1 in natural units; force and length
-    follow it with these powers.
+    """Make a parameter that is a unit of the rig, 1 in natural units.
+
+    The units of force and length are proportional to it to the powers `force` and
+    `length`.
     """
 
     def set_(rig: Rig, value: float) -> Rig:
-        STIFFNESS.get(rig)  # an impedance has no unit to rescale
+        STIFFNESS.get(rig)  # raises for an impedance, whose unit cannot be changed
         factor = value / BY_NAME[name].get(rig)
         larger = Scales(force=factor**force, stretching=factor**length)
         scales = rig.scales
-        # that of each contact
+        # natural, so per contact: it stays as the number of contacts follows the load
         kept: Any = {"normal_load": rig.operation.normal_load} if name == "load" else {}
         ranges = converted_ranges(rig.operation.feasible, larger.natural)
         return replace(
@@ -259,12 +266,12 @@ def _unit_of_the_rig(
 
 
 LOAD = _unit_of_the_rig("load", "f_s", "normal load or contact strength", 1, 0)
-"""Number of contacts, as it goes with the normal load: that where it is known, else
-the contact strength.
+"""Number of contacts, which is proportional to the normal load; measured by the normal
+load where it is known, else by the contact strength.
 """
 FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1, "delay")
-"""Strength of each contact at constant stiffness: it breaks at a displacement as
-much larger.
+"""Strength of each contact at constant stiffness; its breaking displacement is
+proportional to it.
 """
 CONTACT_STIFFNESS = _unit_of_the_rig(
     "contact_stiffness",
@@ -274,8 +281,8 @@ CONTACT_STIFFNESS = _unit_of_the_rig(
     -1,
     "delay",
 )
-"""Stiffness of each contact at constant strength: it breaks at a displacement as
-much smaller.
+"""Stiffness of each contact at constant strength; its breaking displacement is
+inversely proportional to it.
 """
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -290,7 +297,7 @@ PARAMETERS: tuple[Parameter, ...] = (
 """The parameters that come with the package."""
 
 UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
-"""Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
+"""Units of the rig as parameters: 1 in natural units, each varied alone."""
 
 _OF_BODIES = (
     _parameter_of_part("coupling", "k", "coupling of neighbouring blocks"),
@@ -318,12 +325,12 @@ _OF_CONTROLLERS = tuple(
 _SHIPPED = (*PARAMETERS, *_OF_BODIES, *_OF_CONTROLLERS, *UNITS_OF_A_RIG)
 
 BY_NAME = {parameter.name: parameter for parameter in _SHIPPED}
-"""All that can be named, those that `register` added among them."""
+"""All parameters by name, including those added by `register`."""
 
 
 def register(parameter: Parameter) -> Parameter:
-    """Make a parameter known by its name, to `Rig.replace`, `critical` and all that
-    vary parameters.
+    """Make a parameter known by its name to `Rig.replace`, `critical` and every
+    function that varies parameters.
 
     Raises `InputError` if the name is that of a parameter that comes with the package.
     """
@@ -337,7 +344,7 @@ def register(parameter: Parameter) -> Parameter:
 def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Parameter:
     """Return the parameter itself, or the one registered by that name.
 
-    Raises `InputError` if there is none; `place` begins the message.
+    Raises `InputError` if there is none; its message begins with `place`.
     """
     if isinstance(parameter, Parameter):
         return parameter
@@ -354,7 +361,7 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
 def converted_ranges(
     ranges: Iterable[tuple[str, float, float]], change: Change
 ) -> tuple[tuple[str, float, float], ...]:
-    """Return ranges of parameters by name with both ends changed, as in `converted`."""
+    """Return ranges of named parameters with `change` applied to both ends."""
     units = {name: parameter_named(name).unit for name, *_ in ranges}
     return tuple(
         (name, change(low, units[name]), change(high, units[name]))

@@ -1,8 +1,8 @@
-"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar, and
-units with exact sizes.
+"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar, with
+exact sizes of units.
 
-A library of units would take a third of a second to load, and reads more than is meant:
-``mPas`` as millipascals.
+A general library of units would take a third of a second to load, and accepts texts
+that may mean something else: it reads ``mPas`` as millipascals.
 """
 
 import re
@@ -17,14 +17,14 @@ from stickslip.words import PREFIXES
 
 LONGEST_QUANTITY = 64  # characters of a quantity; longer texts are refused unread
 
-# typesetting puts narrow blanks between a number and its unit
+# typesetting uses no-break and narrow spaces between a number and its unit
 _BLANKS = "[ \u00a0\u202f]*"
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?"
 _NAME = "[A-Za-zµμÅ\u212b]+"
 _POWER = rf"{_NAME}(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³])?"
 _PRODUCT = f"{_POWER}(?: *[*·⋅] *{_POWER})*"
 _GROUP = rf"\( *{_PRODUCT} *\)"
-# One "/" at most, and one factor after it unless there are parentheses: "N/m*s" would
+# One "/" at most, and one factor after it unless there are parentheses: "N/m*s" could
 # be read in two ways.
 _UNIT = (
     f"(?:{_PRODUCT}|{_GROUP})(?: */ *(?:{_POWER}|{_GROUP}))?|1? */ "
@@ -69,10 +69,10 @@ _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("lbf", "", _POUND * _STANDARD_GRAVITY, _FORCE),
     ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
 )
-"""Units: symbols, names, which have a plural, sizes in SI units, and the exponents
-of these.
+"""Units: symbols, names (which also have a plural), size in SI base units, and their
+exponents.
 """
-_PREFIXED = 10  # number of them, from the first on, that take a prefix
+_PREFIXED = 10  # number of units in the table, from the first on, that take a prefix
 _UNCLEAR = {
     **dict.fromkeys(
         ("ton", "tons"), "differs between countries; write 't' for 1000 kg"
@@ -95,10 +95,10 @@ def read_quantity(
     """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its
     unit, as a number in `unit`.
 
-    A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole
-    exponents: ``N*s/m``, ``N s`` never; ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``,
-    ``s^-1``. With `bare` a number without a unit is taken, too. The value is the double
-    nearest to the exact one. Errors show `example`, and do not name the place.
+    A unit consists of names of units, ``*`` or ``·``, at most one ``/``, and integer
+    exponents: ``N*s/m``, never ``N s``; ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``,
+    ``s^-1``. With `bare` a number without a unit is accepted as well. The value is the
+    double nearest to the exact one. Errors show `example`, and do not name the place.
 
     >>> read_quantity("2 um", "m", "2 um")
     2e-06
@@ -132,8 +132,8 @@ def read_quantity(
 
 
 def read_number(text: str) -> float:
-    """Read a plain number with a decimal point, as it stands on a command line;
-    errors do not name the place.
+    """Read a plain number with a decimal point, as on a command line; errors do not
+    name the place.
     """
     found = _QUANTITY.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     if found is None or found[2]:
@@ -153,8 +153,8 @@ def read_value(
     above: float | None = 0,
     at_least: float | None = None,
 ) -> float:
-    """Return a value, above 0, given as a number in `unit` or as a text with a unit;
-    errors name the place.
+    """Return a value, above 0 by default, that is given as a number in `unit` or as a
+    text with a unit; errors name the place.
     """
     if isinstance(value, str):
         try:
@@ -209,8 +209,8 @@ def _size_of(unit: str) -> Size:
 
 @lru_cache(maxsize=256)
 def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
-    """Size of a unit in SI base units and the exponents of these; None if it is not
-    known here.
+    """Return the size of a unit in SI base units and their exponents; None if the unit
+    is unknown.
     """
     with suppress(InputError):
         if re.fullmatch(_UNIT, unit):
@@ -221,11 +221,11 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 
 @lru_cache(maxsize=1)
 def _unit_spellings() -> dict[str, Size]:
-    """Every spelling of one unit, with its size and the exponents of the SI base
-    units.
+    """Return every spelling of every unit, with its size and the exponents of the SI
+    base units.
     """
     spellings: dict[str, Size] = {}
-    # without a prefix last: "ft" is not a femtotonne
+    # The units without a prefix come last and win: "ft" is not a femtotonne.
     for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():
         for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
             words = [name + own for own in names.split()]
@@ -251,7 +251,7 @@ _SLIPS = (
         "",
         "no blanks or marks inside a number",
     ),
-    # 1,200 may be either
+    # not "1,200", which may have a decimal or a thousands comma
     (re.compile(r"(?<=\d),(?=\d)(?!\d{3}(?!\d))"), ".", "decimal point, not comma"),
     (
         re.compile(r"(?<=[A-Za-zµμÅ])(?<![\d. ][eE])(-?[1-9])"),
@@ -260,13 +260,11 @@ _SLIPS = (
     ),
     (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
 )
-"""Slips of writing that are plain enough to suggest the right form."""
+"""Slips of writing for which the right form is clear."""
 
 
 def _remedy(text: str) -> str:
-    """Return how to write a text that has one meaning alone; empty if that is not
-    clear.
-    """
+    """Return how to write a text that has only one meaning; empty if none is clear."""
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
         return "must be finite"
     if len(text) > LONGEST_QUANTITY:
@@ -283,6 +281,6 @@ def _remedy(text: str) -> str:
             reasons.append(reason)
         if found := _QUANTITY.fullmatch(text):
             if found[2]:
-                _size_of(found[2])  # the remedy must be right
+                _size_of(found[2])  # raises where the unit is unknown or unclear
             return f"write {text.strip()!r}: {', '.join(dict.fromkeys(reasons))}"
     return ""

@@ -26,8 +26,8 @@ Change = Callable[[float, str], float]
 
 
 class Record:
-    """A frozen dataclass whose fields are checked on construction, as they are
-    declared.
+    """A frozen dataclass whose fields are checked on construction against their
+    declarations.
     """
 
     def __post_init__(self) -> None:
@@ -52,8 +52,8 @@ class Number:
     """Bounds and natural unit of a number of a record,
     ``Annotated[float, Number("k", above=0)]``.
 
-    An error names `place` in place of record and field, and `hint` as what the number
-    means.
+    An error names `place` instead of record and field, and explains the number by
+    `hint`.
     """
 
     unit: str = "1"
@@ -68,7 +68,7 @@ class Number:
 @dataclass(frozen=True)
 class Part:
     """A record within a record, ``Annotated[Delay, Part("a delay, such as
-    Delay(0.2)")]``; `place` as above.
+    Delay(0.2)")]``; `place` as in `Number`.
     """
 
     hint: str
@@ -77,8 +77,8 @@ class Part:
 
 @lru_cache(maxsize=256)
 def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
-    """Each field of a record, with its type and what is declared of it, or of the
-    numbers in it; None if nothing is.
+    """Return each field of a record with its type, and the `Number` or `Part` declared
+    for it or for the numbers in it; None if there is no such declaration.
     """
     hints = get_type_hints(record, include_extras=True)
     found = {}
@@ -90,7 +90,7 @@ def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
 
 
 def _marks(kind: Any) -> Iterator[Number | Part]:
-    """The marks of a type, or of the numbers in a tuple or a union."""
+    """Yield the declarations in a type, or in the items of a tuple or a union."""
     yield from (
         mark
         for mark in getattr(kind, "__metadata__", ())
@@ -101,8 +101,8 @@ def _marks(kind: Any) -> Iterator[Number | Part]:
 
 
 def check(record: Any) -> None:
-    """Check every number, choice and part of a record on construction, and keep
-    numbers as Python numbers.
+    """Check every number, choice and part of a record, and convert numbers to Python
+    numbers.
     """
     record_type: Any = type(record)
     for name, (kind, mark) in declared(record_type).items():
@@ -147,8 +147,8 @@ def _numbers(
     value: object,
     mark: Number,
 ) -> Any:
-    """A number within the bounds declared, or as many as are given where there may
-    be several, or a matrix by its rows.
+    """Return a number within the declared bounds, a tuple of such numbers where several
+    are allowed, or a matrix by its rows.
     """
     has_tuple = any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
     may_be_one = get_origin(kind) is not tuple and float in get_args(kind)
@@ -167,7 +167,7 @@ def _number(
     value: object,
     mark: Number,
 ) -> float:
-    """A number within the bounds declared."""
+    """Return a number within the declared bounds."""
     hint = mark.hint
     if (
         isinstance(value, str)
@@ -197,7 +197,7 @@ def _number(
 
 @lru_cache(maxsize=256)
 def choices_of(kind: Any) -> tuple[str, ...]:
-    """All that a field may be, if its type lists them."""
+    """Return all values that a field may have, if its type lists them."""
     return next(
         (
             get_args(each)
@@ -209,8 +209,8 @@ def choices_of(kind: Any) -> tuple[str, ...]:
 
 
 def converted(record: AnyRecord, change: Change) -> AnyRecord:
-    """Return a record with every number that has a unit changed, those of records
-    within it, too.
+    """Return a record with every number that has a unit changed, also in the records
+    within it.
     """
 
     def changed(value: Any, unit: str) -> Any:
@@ -231,7 +231,7 @@ def converted(record: AnyRecord, change: Change) -> AnyRecord:
 
 
 def hashable(record: object) -> Any:
-    """Return a record, checked to be fit for the key of a table."""
+    """Return a record, checked to be hashable so that it can be the key of a table."""
     try:
         hash(record)
     except TypeError as error:
@@ -244,10 +244,10 @@ def hashable(record: object) -> Any:
 def registry(
     noun: str,
 ) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
-    """Return a table of frozen dataclasses by name, and the decorator that enters one;
-    `noun` names one of them.
+    """Return an empty table of frozen dataclasses by name, and the decorator that
+    enters one; `noun` is the word for them in messages.
 
-    The decorator raises `InputError` if the class is no frozen dataclass, or if another
+    The decorator raises `InputError` if the class is not a frozen dataclass, or another
     class has the name.
     """
     known: dict[str, type] = {}
@@ -263,7 +263,7 @@ def _enter(
     if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
         raise InputError(f"{place}: {kind.__name__} must be a frozen dataclass")
     known = table.setdefault(name, kind)
-    # The same class once more is a notebook's cell run again.
+    # The same class comes again where a notebook's cell is run again.
     if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
         raise InputError(
             f"{place}: {known.__qualname__} has this name already; choose another one"

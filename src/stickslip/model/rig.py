@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Ends = tuple[float | str, float | str]
-"""Both ends of a range of a parameter: numbers in the rig's own unit, or texts with
-a unit.
+"""Both ends of the range of a parameter: numbers in the rig's own unit, or texts with a
+unit.
 """
 
 USUAL_RANGE = 30.0
-"""Factor by which a parameter is varied up and down from its value in a rig where no
+"""Factor by which a parameter is varied up and down from its value in the rig if no
 range is given.
 """
 _NATURAL = Scales(force=1.0, stretching=1.0)
@@ -51,7 +51,7 @@ _KEYS_OF = {
     "friction": {"contact_strength", "breaking_displacement"},
     "contact_stiffness": {"breaking_displacement"},
 }
-"""Keys of a rig file that a parameter sets, where they have other names."""
+"""Keys of a rig file that a parameter sets, where their names differ from its own."""
 
 _Speeds = tuple[
     Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
@@ -61,20 +61,20 @@ _Speeds = tuple[
 
 @dataclass(frozen=True, kw_only=True)
 class Operation(Record):
-    """How a rig is used; it changes no run, only what is asked of it.
+    """How a rig is used: it does not affect runs, only questions about the rig.
 
-    Ranges increase, and all is above 0.
+    Ranges must increase, and all numbers are above 0.
     """
 
-    speeds: _Speeds = ()  #: speeds at which it works, that of its drive first
-    between: _Speeds | None = None  #: in place of single speeds, a range of them
-    #: if it is known; `load` is that then
+    speeds: _Speeds = ()  #: speeds of operation, that of the drive first
+    between: _Speeds | None = None  #: a range of speeds, in place of single speeds
+    #: normal load, if it is known; the parameter `load` is then this
     normal_load: Annotated[float | None, Number("f_s", above=0)] = None
-    #: friction measured at several speeds, of which the growth of thresholds was made
+    #: friction measured at several speeds, from which the growth of thresholds was made
     friction: Annotated[
         MeasuredFriction | None, Part("a MeasuredFriction, or None")
     ] = field(default=None, compare=False)
-    #: parameters, each with the range that could be built or set
+    #: parameters, each with the range that can be built or set
     feasible: tuple[tuple[str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -100,28 +100,26 @@ class Operation(Record):
                 )
 
     def range_of(self, parameter: str) -> Range | None:
-        """Return the range of a parameter that could be built; None if nothing is
-        known of it.
-        """
+        """Return the range of a parameter that can be built; None if it is unknown."""
         return {name: (low, high) for name, low, high in self.feasible}.get(parameter)
 
 
 @dataclass(frozen=True)
 class Assumption(Record):
-    """A value of a rig that was not measured; in words, the value and how to measure
-    it.
+    """A value of a rig that was not measured: the value, and how to measure it, as
+    text.
     """
 
-    value: str  # as it stands in the rig's file; empty if it is not in the file
+    value: str  # as written in the rig's file; empty if the file does not have it
     how: str
-    default: bool = False  # whether it was taken because the file has none
-    # where it may lie, as it stands in the file, if it is given there
+    default: bool = False  # whether the file does not have it and a default was taken
+    # the interval in which it may lie, as written in the file, if given
     between: tuple[Any, ...] = ()
-    factors: tuple[float, ...] = ()  # and over the value
+    factors: tuple[float, ...] = ()  # both ends of that interval over the value
 
     @property
     def value_in_words(self) -> str:
-        """The value, whether it is a default, and where it may lie."""
+        """The value, whether it is a default, and the interval in which it may lie."""
         value = f"{self.value} (default)" if self.default else self.value
         return (
             f"{value}, between {' and '.join(map(str, self.between))}"
@@ -137,12 +135,12 @@ class Assumption(Record):
 class Fitted(Record):
     """A value of a rig that was fitted to a measured trace."""
 
-    value: str  # as it stands in the rig's file
-    interval: str  # of 90 %, in words
-    # how far the trace determines it: identified, weak, not identified, at a bound, or
-    # assumed, and why
+    value: str  # as written in the rig's file
+    interval: str  # 90 % interval, as text
+    # how well the trace determines it (identified, weak, not identified, at a bound, or
+    # assumed) and why
     how: str
-    # equally likely values in SI units; those of all keys belong together, in order
+    # equally likely values in SI units; the i-th draws of all keys belong together
     draws: tuple[float, ...] = ()
 
     def __str__(self) -> str:
@@ -150,52 +148,52 @@ class Fitted(Record):
 
 
 def _without(keys: set[str], notes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return notes on keys of a rig file, but for those of these names."""
+    """Return notes on keys of a rig file, less those whose path has one of `keys`."""
     return {path: each for path, each in notes.items() if not keys & {*path.split(".")}}
 
 
 @dataclass(frozen=True, repr=False)
 class Rig(Answer):
-    """A slider on an interface, pulled by a drive through a spring: what the functions
-    of this package take.
+    """A slider on an interface, pulled by a drive through a spring: the argument of
+    most functions of this package.
 
-    Its records are in natural units. What goes into and comes out of the functions that
-    take a rig is in the rig's own units: SI if it has `scales`, as a rig from a file
-    has, else natural.
+    Its records are in natural units. Functions that take a rig take and return numbers
+    in the rig's own units: SI if it has `scales`, as a rig from a file has, else
+    natural.
 
     Parameters
     ----------
     interface : Interface
         The contacts.
     slider : Slider, Chain, Sheet or impedance
-        The body on the contacts, on its driving spring or springs; a `Chain` or a
-        `Sheet` is elastic. For the linear stability of smooth sliding any mechanical
-        impedance of `stickslip.stability` will do.
+        The body on the contacts, with its driving spring or springs; a `Chain` or a
+        `Sheet` is elastic. For the linear stability of smooth sliding it may be any
+        mechanical impedance of `stickslip.stability`.
     drive : Drive
-        How the far end of the spring moves.
+        Motion of the far end of the spring.
     method : Contacts, MasterEquation, Population or QuasiStatic
-        How the rig is simulated, unless `simulate` is given another one; so with
+        How the rig is simulated, unless `simulate` is given another method; likewise
         `start` and `output`.
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
         The samples that a run records.
     scales : Scales, optional
-        The rig's force, length and time in SI units; none for a rig in natural units.
+        The rig's force, length and time in SI units; None for a rig in natural units.
     operation : Operation
-        The speeds it works at, and what of it could be built otherwise, in natural
+        The speeds it works at, and the ranges in which it could be built, in natural
         units; for `predict`.
     name : str
         Name of the rig.
     assumed : mapping of str to Assumption
-        Keys of the rig's file that were not measured, and the defaults that were taken.
+        Keys of the rig's file that were not measured, and the defaults in use.
     fitted : mapping of str to Fitted
         Keys of the rig's file that were fitted to a trace, with intervals and draws.
     source : str
         Where the numbers come from.
     given : tuple of str
-        Keys of the rig's file that it gives in place of others, such as
-        ``"interface.mu_s"``, in which the rig can be shown again.
+        Keys that the rig's file gives in place of others, such as
+        ``"interface.mu_s"``, so that the rig can be written with them again.
 
     Examples
     --------
@@ -259,7 +257,7 @@ class Rig(Answer):
     def velocity(self) -> float:
         """Velocity of the drive at its beginning, in the rig's own units.
 
-        Theory at one velocity is for the load at which the strength of the contacts
+        Theory at one velocity holds for the load at which the strength of the contacts
         is given: raises `InputError` if the drive has a load of its own, or a force in
         place of a velocity.
         """
@@ -279,20 +277,20 @@ class Rig(Answer):
         return known.get(self) * self.unit(known.unit)
 
     def unit(self, natural: str) -> float:
-        """Size in the rig's own units of a natural unit: ``"x_s/time"``, or
-        ``"velocity"``, the quantity it measures.
+        """Size of a natural unit in the rig's own units; the unit is given as
+        ``"x_s/time"``, or by its quantity, ``"velocity"``.
 
         Raises `InputError` if there is no such unit or quantity.
         """
         return (self.scales or _NATURAL).unit(natural)
 
     def unit_name(self, natural: str) -> str:
-        """Name of the rig's own unit for a natural unit or a quantity, as in `unit`:
-        ``"m/s"``.
+        """Name of the rig's own unit for a natural unit or a quantity as in `unit`,
+        such as ``"m/s"``.
         """
         return natural_unit(natural) if self.scales is None else si_unit(natural)
 
-    if not TYPE_CHECKING:  # to a checker of types it has just the names that stand here
+    if not TYPE_CHECKING:  # type checkers see only the attributes defined here
 
         def __getattr__(self, name: str) -> Any:
             verb = not name.startswith("_") and name in dir(sys.modules["stickslip"])
@@ -307,17 +305,17 @@ class Rig(Answer):
         Parameters
         ----------
         **changes
-            A field of this record, as it is read from it: in natural units, so that
+            A field of this record, in natural units as the record holds it, so that
             ``rig.replace(drive=rig.drive) == rig``; see `to_natural`. Or a parameter by
-            name, a text with its unit, or a number for a rig in natural units:
+            name, with a text with a unit, or a number for a rig in natural units:
             ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``,
             ``ageing``.
 
         Raises
         ------
         InputError
-            If there is no such part or parameter, the value cannot be, or a quantity of
-            a rig in SI units has no unit; see `with_values`.
+            If there is no such part or parameter, the value is out of bounds, or a
+            quantity of a rig in SI units has no unit; see `with_values`.
 
         Examples
         --------
@@ -338,10 +336,11 @@ class Rig(Answer):
         return replace(self, **parts).with_values(**changes)
 
     def with_values(self, **values: float | str) -> "Rig":
-        """Return the rig with some of its parameters changed, numbers in the rig's own
-        units, as `value` returns them. They are then neither assumed nor fitted.
+        """Return the rig with some parameters changed; numbers are in the rig's own
+        units, as `value` returns them. They no longer count as assumed or fitted.
 
-        Raises `InputError` if there is no such parameter, or the value cannot be.
+        Raises `InputError` if there is no such parameter, or the value is out of
+        bounds.
 
         Examples
         --------
@@ -363,8 +362,8 @@ class Rig(Answer):
         return changed
 
     def to_natural(self, record: AnyRecord) -> AnyRecord:
-        """Return a record whose numbers are in the rig's own units, such as a drive in
-        m/s and s, in natural units, as the rig holds it.
+        """Convert a record from the rig's own units, such as a drive in m/s and s, to
+        natural units, in which the rig holds it.
 
         Examples
         --------
@@ -376,13 +375,13 @@ class Rig(Answer):
         return converted(record, lambda value, unit: value / self.unit(unit))
 
     def read(self, place: str, value: object, natural: str, **bounds: Any) -> float:
-        """Return a number in the rig's own unit, or a text with a unit, in the
-        natural unit; errors name the place.
+        """Convert a number in the rig's own unit, or a text with a unit, to the natural
+        unit; errors name the place.
         """
         unit = self.unit_name(natural)
         if isinstance(value, str) and self.scales is None:
             try:
-                value = read_number(value)  # the command line passes numbers as texts
+                value = read_number(value)  # the command line passes numbers as text
             except InputError:
                 refusal = (
                     f"{place} = {value!r}: must be a plain number, as the rig is in "
@@ -394,7 +393,7 @@ class Rig(Answer):
         )
 
     def around(self, parameter: Parameter) -> Range:
-        """Return the range of a factor `USUAL_RANGE` above and below the value in
+        """Return the range from `USUAL_RANGE` times below to as much above the value in
         the rig, in natural units.
         """
         here = parameter.get(self.natural)
@@ -411,17 +410,17 @@ class Rig(Answer):
         between: Ends,
         place: str = "between",
     ) -> Range:
-        """Return a range of a parameter, given as in `Ends`, in its natural unit."""
+        """Convert the range of a parameter, given as in `Ends`, to its natural unit."""
         first, last = pair(place, between, "two values, such as (0.1, 10)")
         unit = parameter.unit
         low = self.read(f"{place}[0]", first, unit, above=0)
         return low, self.read(f"{place}[1]", last, unit, above=low * self.unit(unit))
 
     def __str__(self) -> str:
-        """The rig in words, in its own units."""
+        """The rig as text, in its own units."""
         rows = list[tuple[str, str]]()
         for parameter in PARAMETERS:
-            with suppress(InputError):  # a rig that has no such parameter
+            with suppress(InputError):  # the rig does not have this parameter
                 value = self.in_units(parameter.get(self.natural), parameter.unit)
                 rows.append((parameter.title or parameter.name, value))
         if self.scales is not None:
@@ -435,11 +434,11 @@ class Rig(Answer):
         return "\n".join([self.name, *(f"{name:<48}{value}" for name, value in rows)])
 
     def in_its_units(self, result: "xr.Dataset") -> "xr.Dataset":
-        """Return a result in natural units in the rig's own."""
+        """Convert a result from natural units to the rig's own."""
         return result if self.scales is None else in_si(result, self.scales)
 
     def in_units(self, value: float, unit: str, digits: int = 4) -> str:
-        """Return a natural value in words, its unit named as in `unit`: in SI units
-        with a prefix, or in natural units.
+        """Return a natural value as text, in SI units with a prefix or in natural
+        units; `unit` is named as in `Rig.unit`.
         """
         return in_words(value, unit, self.scales, digits)

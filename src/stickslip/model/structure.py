@@ -1,12 +1,12 @@
-"""Linear structures that hold an interface: modes, matrices, a state space, an axis
+"""Linear structures that hold an interface: modes, matrices, a state space, or an axis
 with its controller.
 
-A structure is moved by the friction force per contact ``F``, which opposes the sliding,
-and by the drive at ``D``, and it knows where the contacts are, ``X``:
+A structure is loaded by the friction force per contact ``F``, which opposes the
+sliding, and moved by the drive at ``D``; it gives the position ``X`` of the contacts:
 
     z' = A z + force F + drive D + rate D',        X = contact z + track D
 
-That is all that runs and theory ask of one (`LinearSystem`). Natural units, per
+Runs and theory need nothing else of a structure (`LinearSystem`). Natural units, per
 contact.
 """
 
@@ -22,7 +22,8 @@ from stickslip.errors import InputError
 from stickslip.model.body import Damping, MassAbove0, Slider
 from stickslip.model.records import Number, Record
 
-# a matrix is symmetric, or has no negative eigenvalue, to this fraction of its largest
+# a matrix counts as symmetric, or as without negative eigenvalues, to within this
+# fraction of its largest entry
 _ROUNDING = 1e-9
 
 
@@ -38,8 +39,8 @@ class LinearSystem(NamedTuple):
 
 
 class Quadratics(NamedTuple):
-    """Energies of a structure: ``z kinetic z / 2``, of its springs ``z elastic z / 2``
-    and the power lost in it, ``z lost z``.
+    """Energies of a structure, ``z kinetic z / 2`` and, of its springs,
+    ``z elastic z / 2``, and the power that it dissipates, ``z lost z``.
     """
 
     kinetic: Array
@@ -55,14 +56,14 @@ class Pull(NamedTuple):
     rate: float
 
     def force(self, z: Array, place: float, velocity: float) -> float:
-        """Force on a structure in a state, at a position and velocity of the drive."""
+        """Force on a structure in state `z`, at a place and velocity of the drive."""
         return float(self.state @ z + self.drive * place + self.rate * velocity)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Structure(Record):
-    """Base of linear structures; as a function it is its mechanical impedance at the
-    contacts.
+    """Base of linear structures. Called as a function, a structure returns its
+    mechanical impedance at the contacts.
 
     A structure of the user's own derives from this class and gives its `system`.
     """
@@ -79,8 +80,8 @@ class Structure(Record):
 
     @property
     def pull(self) -> Pull:
-        """The force of its driving spring or controller; without one, what the
-        deflection of the contacts would hold at rest.
+        """The force of its driving spring or controller; without either, the force that
+        would hold the present displacement of the contacts at rest.
         """
         system = self.system
         static = float(self(np.zeros(1))[0].real)
@@ -88,22 +89,22 @@ class Structure(Record):
 
     @property
     def parts(self) -> tuple[str, Array]:
-        """Name of its parts, and their displacements in its state."""
+        """Name of its parts, and rows that give their displacements from the state."""
         return "", np.empty((0, len(self.system.A)))
 
     @property
     def passive(self) -> bool:
-        """Whether it only takes energy out of a motion that does not drive it."""
+        """Whether it can only dissipate energy, for a drive at rest."""
         return False
 
     @property
     def slowest(self) -> Slider:
-        """The mass on a spring that a run of the structure can be as slow as: its
-        static stiffness, the frequency and the decay of its slowest mode.
+        """A mass on a spring as slow as the slowest mode: with the static stiffness of
+        the structure, and the frequency and decay of that mode.
         """
         roots = np.linalg.eigvals(self.system.A)
         root = roots[np.argmin(np.abs(roots))]
-        held = np.array([1e-6j * abs(root)])  # an integral holds all, at rest
+        held = np.array([1e-6j * abs(root)])  # not 0: an integral is infinite there
         stiffness = float(self(held)[0].real)
         return Slider(
             stiffness=stiffness,
@@ -113,9 +114,9 @@ class Structure(Record):
 
     def sliding(self, velocity: float, force: float) -> tuple[Array, float]:
         """Return the state of steady sliding under a friction force, with the contacts
-        at 0, and where the drive then is.
+        at 0, and the position of the drive in it.
 
-        The state drifts as ``z = z0 + r t``, so that ``A r + drive V = 0``.
+        The state drifts as ``z = z0 + r t`` with ``A r + drive V = 0``.
         """
         A, friction, drive, rate, contact, track = self.system
         n = len(A)
@@ -141,7 +142,7 @@ class Structure(Record):
         )
         try:
             states = np.linalg.solve(shifted, right)
-        except np.linalg.LinAlgError:  # a natural frequency to the last bit
+        except np.linalg.LinAlgError:  # `s` is a natural frequency to the last bit
             return self(points + 1e-15 * np.linalg.norm(system.A))
         receptance = -(system.contact @ states)[..., 0]
         found = np.full(points.shape, complex(np.inf, 0.0))
@@ -167,7 +168,7 @@ _Spring = Annotated[float, Number("k", at_least=0, hint="K/N")]
 
 
 _Matrices = tuple[Array, Array, Array]
-"""Of mass, damping and stiffness."""
+"""Matrices of mass, damping and stiffness."""
 
 
 class _SecondOrder(Structure):
@@ -186,12 +187,12 @@ class _SecondOrder(Structure):
 
     @property
     def passive(self) -> bool:
-        """Whether it only takes energy out."""
+        """Whether it can only dissipate energy."""
         return True
 
     @cached_property
     def system(self) -> LinearSystem:
-        """The equations of motion of first order."""
+        """The equations of motion as a system of first order."""
         mass, damping, stiffness = self.matrices
         n = len(mass)
         spring = self.stiffness
@@ -233,14 +234,16 @@ class _SecondOrder(Structure):
 
 
 def _first(rows: Array) -> Array:
-    """Return rows for coordinates as rows for the state, with their velocities."""
+    """Extend rows that act on coordinates to rows that act on the state, with zeros for
+    the velocities.
+    """
     return np.hstack([rows, np.zeros_like(rows)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modes(_SecondOrder):
-    """A structure given by its modes, as a finite-element model or a modal test lists
-    them.
+    """A structure given by its modes, as listed by a finite-element model or a modal
+    test.
 
     With ``phi_j = contact[j]`` and ``psi_j = drive[j]``, the contacts are at
     ``X = sum_j phi_j q_j`` and the modes move by
@@ -248,13 +251,14 @@ class Modes(_SecondOrder):
         m_j (q_j'' + eta_j q_j') + k_j q_j = psi_j K (D - sum_i psi_i q_i) - phi_j F
 
     Without a driving spring the structure is held by its own modes, and the drive moves
-    the track under it, as the disc under a brake caliper: ``X = D + sum_j phi_j q_j``.
+    the track under it, like the disc under a brake caliper:
+    ``X = D + sum_j phi_j q_j``.
 
     Parameters
     ----------
     masses, stiffnesses, dampings : sequence of float, shape (n,)
-        Modal masses and stiffnesses per contact, and ``eta_j > 0`` in 1/time. For the
-        modes of a free body a stiffness of 0 is its rigid motion.
+        Modal masses and stiffnesses per contact, and ``eta_j > 0`` in 1/time. The
+        rigid motion of a free body is a mode of stiffness 0.
     contact : sequence of float, shape (n,)
         Displacement of each mode where the contacts are; by default 1.
     drive : sequence of float, shape (n,)
@@ -266,14 +270,14 @@ class Modes(_SecondOrder):
     Raises
     ------
     InputError
-        If the numbers of modes differ, or nothing holds the structure.
+        If the numbers of values differ, or nothing holds the structure.
 
     Examples
     --------
     >>> caliper = ss.model.Modes(
     ...     masses=(1e-4, 2e-4), stiffnesses=(2.0, 30.0), dampings=(40.0, 60.0)
     ... )
-    >>> float(caliper(0.0).real)  # both modes give way
+    >>> float(caliper(0.0).real)  # both modes yield: 1/(1/2 + 1/30)
     1.875
     """
 
@@ -335,19 +339,19 @@ class Modes(_SecondOrder):
         each = s * (m * s + loss) + k
         with np.errstate(divide="ignore", invalid="ignore"):
             together = 1.0 / np.sum(weight / each, axis=0)
-        # a mode that does not resist moves alone
+        # A mode without resistance at this s: the contacts move without force.
         gives_way = np.any((each == 0) & (weight > 0), axis=0)
         return np.asarray(self.stiffness + np.where(gives_way, 0.0, together))
 
 
 def _rows(unit: str) -> Any:
-    """Type of a square matrix of numbers in a unit, given by its rows."""
+    """Return the type of a square matrix of numbers in a unit, given by its rows."""
     hint = "rows of numbers"
     return tuple[tuple[Annotated[float, Number(unit, hint=hint)], ...], ...]
 
 
 def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
-    """Raise `InputError` if a vector or a matrix given by rows has another shape."""
+    """Raise `InputError` unless a vector, or a matrix given by rows, has this shape."""
     if shape[0] == 0:
         raise _wrong(place, "is empty; give at least one row of numbers")
     lengths = [len(row) for row in value] if len(shape) == 2 else []
@@ -357,17 +361,17 @@ def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
 
 
 def _wrong(place: str, words: str) -> InputError:
-    """Return the refusal of a field."""
+    """Return the error that refuses a field."""
     return InputError(f"{place}: {words}", place)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Matrices(_SecondOrder):
-    """A structure given by its matrices, ``M q'' + C q' + K q``, as reduced from a
-    finite-element model.
+    """A structure given by its matrices, ``M q'' + C q' + K q``, such as those of a
+    reduced finite-element model.
 
-    The contacts are at ``X = contact q``, and the drive pulls at ``drive q`` by a
-    spring; without one the drive moves the track under the structure, see `Modes`.
+    The contacts are at ``X = contact q``, and the driving spring pulls at ``drive q``;
+    without a spring the drive moves the track under the structure, see `Modes`.
 
     Parameters
     ----------
@@ -375,15 +379,16 @@ class Matrices(_SecondOrder):
         Mass, damping and stiffness per contact: symmetric, `M` positive definite, `C`
         and `K` without negative eigenvalues.
     contact, drive : sequence of float, shape (n,)
-        Displacement of the contacts, and of where the spring pulls, for each
-        coordinate; `drive` by default as `contact`.
+        Displacement of the contacts, and of the point where the spring pulls, per unit
+        of each coordinate; `drive` by default equals `contact`.
     stiffness : float
         The driving spring ``K/N``.
 
     Raises
     ------
     InputError
-        If shapes differ, a matrix is not as above, or nothing holds the structure.
+        If shapes differ, a matrix is not as stated above, or nothing holds the
+        structure.
 
     Examples
     --------
@@ -442,11 +447,11 @@ class Matrices(_SecondOrder):
 
     @property
     def damping(self) -> float:
-        """Mean rate ``trace C/trace M``."""
+        """Mean damping rate ``trace C/trace M``."""
         return float(np.trace(self.C) / np.trace(self.M))
 
     def with_damping(self, damping: float) -> "Matrices":
-        """Return the structure with its damping matrix larger by a factor."""
+        """Return the structure with its damping matrix scaled to this mean rate."""
         if not self.damping:
             raise _wrong("Matrices.C", "is 0; give damping before it is varied")
         larger = damping / self.damping * np.array(self.C)
@@ -466,7 +471,7 @@ class StateSpace(Structure):
     Parameters
     ----------
     A : matrix given by its rows, shape (n, n)
-        In 1/time, whatever the states are.
+        System matrix, in 1/time.
     force, drive, rate : sequence of float, shape (n,)
         Inputs: the friction force per contact, which opposes the sliding (so a mass
         has -1/M), the displacement of the drive, and its velocity (by default 0).
@@ -526,7 +531,7 @@ class StateSpace(Structure):
 
     @cached_property
     def system(self) -> LinearSystem:
-        """Itself."""
+        """The given equations."""
         return LinearSystem(
             A=np.array(self.A),
             force=np.array(self.force),
@@ -542,7 +547,7 @@ class ControlledAxis(Structure):
     """A mass that a position controller moves: ``M (X'' + eta X') = u - F`` with
     ``u = kp e + ki Int e dt + kd e'``, ``e = D - X``.
 
-    A cascade is such a controller, too: `cascade`.
+    The gains of a cascade of controllers follow from `cascade`.
 
     Parameters
     ----------
@@ -553,14 +558,14 @@ class ControlledAxis(Structure):
     kp, ki, kd : float
         Gains, per contact.
     sample_time : float
-        Time between two updates of the controller; 0 for none. Its force is held in
-        between, and the rate of the error is that since the last update: roots know
-        both, up to frequencies of some half of the updates.
+        Time between two updates of the controller; 0 for a continuous one. Its force is
+        held in between, and the rate of the error is that since the last update. Linear
+        theory includes both, up to about half the frequency of the updates.
     encoder_step : float
-        Step in which it knows the position, in runs; 0 for none.
+        Resolution of the position that the controller measures, in runs; 0 for exact.
     moves : sequence of float
         Moves after which the axis is to stand still, for the answer on hunting; by
-        default some are tried.
+        default several are tried.
 
     Examples
     --------
@@ -591,8 +596,8 @@ class ControlledAxis(Structure):
 
     @cached_property
     def system(self) -> LinearSystem:
-        """States are position, velocity and, if it counts, the integral of the
-        error.
+        """The equations of motion; states are position, velocity and, if ``ki`` is not
+        0, the integral of the error.
         """
         n = 3 if self.ki else 2
         inverse = 1.0 / self.mass
@@ -615,7 +620,7 @@ class ControlledAxis(Structure):
 
     @property
     def energies(self) -> Quadratics:
-        """Kinetic energy, and the loss of the axis itself; gains store nothing."""
+        """Kinetic energy and dissipation of the axis itself; gains store nothing."""
         at_velocity = np.zeros_like(self.system.A)
         at_velocity[1, 1] = self.mass
         nothing = np.zeros_like(at_velocity)
@@ -626,7 +631,7 @@ class ControlledAxis(Structure):
         points = np.asarray(s, dtype=complex)
         found = np.full(points.shape, complex(np.inf if self.ki else 0.0, 0.0))
         np.divide(self.ki, points, out=found, where=points != 0)
-        held = np.ones_like(points)  # mean of what is held, over the value now
+        held = np.ones_like(points)  # mean of the held force over its value at updates
         if self.sample_time:
             passed = points * self.sample_time
             np.divide(-np.expm1(-passed), passed, out=held, where=passed != 0)

@@ -1,5 +1,5 @@
-"""The only place where SI units exist: three independent scales turn a rig into
-natural units and results back.
+"""The only module that knows SI units: three independent scales convert a rig to
+natural units and its results back.
 """
 
 import re
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from stickslip.errors import refused
 from stickslip.model.records import Number, Record
-from stickslip.words import engineering as engineering  # others take it from here
+from stickslip.words import engineering as engineering  # imported from here by others
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,12 +25,12 @@ class Scales(Record):
     time: Annotated[float, Number(above=0, hint="in s")] = 1.0  #: the unit of time
 
     def unit(self, name: str) -> float:
-        """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the
-        quantity that it measures.
+        """Size in SI units of one natural unit, such as ``"x_s/time"``, or of the unit
+        of a quantity, such as ``"velocity"``.
 
-        A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s``
-        it is the force of the whole interface; stiffness, mass and energy likewise.
-        Raises `InputError` if there is no such unit or quantity.
+        A force in natural units is per contact and in ``f_s``: times ``N f_s`` it is
+        the force of the whole interface; stiffness, mass and energy likewise. Raises
+        `InputError` if there is no such unit or quantity.
         """
         above = below = 1.0
         for scale, power in zip(
@@ -43,11 +43,11 @@ class Scales(Record):
         return above / below
 
     def natural(self, value: float, name: str) -> float:
-        """Turn a value in SI units into natural units."""
+        """Convert a value from SI to natural units."""
         return value / self.unit(name)
 
     def si(self, value: float, name: str) -> float:
-        """Turn a value in natural units into SI units."""
+        """Convert a value from natural to SI units."""
         return value * self.unit(name)
 
 
@@ -70,8 +70,8 @@ k/time | 1 -1 -1 | N/(m*s)
 1/(x_s time) | 0 -1 -1 | 1/(m*s)
 1/time^(1/2) | 0 0 -0.5 | 1/s^(1/2)
 """
-"""Natural units, as records declare them and results carry them: powers of force,
-length and time, the SI unit, and the quantity.
+"""Natural units of fields and results: exponents of force, length and time, SI unit,
+and the quantity.
 """
 _ROWS = [line.split(" | ") for line in _TABLE.strip().split("\n")]
 _POWERS = {unit: [*map(float, powers.split())] for unit, powers, *_ in _ROWS}
@@ -82,9 +82,9 @@ QUANTITIES = {quantity: unit for unit, _, _, *named in _ROWS for quantity in nam
 
 
 def natural_unit(name: object) -> str:
-    """Return a natural unit that is given as such, or by the quantity that it measures.
+    """Return a natural unit, given by its own name or by the quantity that it measures.
 
-    Raises `InputError` if there is none of that name.
+    Raises `InputError` if no unit or quantity has that name.
     """
     unit = QUANTITIES.get(name, name) if isinstance(name, str) else ""
     if unit not in UNITS:
@@ -94,19 +94,17 @@ def natural_unit(name: object) -> str:
 
 
 def si_unit(name: str) -> str:
-    """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in
-    `natural_unit`.
+    """Return the SI unit of a natural unit or a quantity, such as ``"m/s"``; errors as
+    in `natural_unit`.
     """
     return UNITS[natural_unit(name)]
 
 
 def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
-    """Return a result in SI units: each variable scaled by its ``units``, and labelled
-    anew.
+    """Return a result in SI units, each variable scaled and labelled by its ``units``.
 
     Forces, energies and stiffnesses, per contact in natural units, become those of the
-    whole interface. The provenance stays as it is: it describes the run in natural
-    units.
+    whole interface. The provenance is unchanged: it describes the run in natural units.
     """
     converted = data.copy()
     for name, variable in data.variables.items():
@@ -132,8 +130,8 @@ def in_words(
     scales: Scales | None,
     digits: int = 4,
 ) -> str:
-    """Return a natural value in words: in SI units with a prefix, or in natural units
-    where there are no scales.
+    """Return a natural value as text: in SI units with a prefix, or in natural units if
+    there are no scales.
     """
     if scales is None:
         natural = natural_unit(unit)

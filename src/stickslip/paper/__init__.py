@@ -45,13 +45,11 @@ FIGURES = {
     figure.name: figure
     for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))
 }
-"""The figures by name, ``"fig1"`` and on, in the order of the paper."""
+"""The figures by name, from ``"fig1"``, in the order of the paper."""
 
 
 def figures_named(name: str) -> tuple[Figure, ...]:
-    """Return one figure, or every one for ``"all"``; `InputError` if there is no
-    such figure.
-    """
+    """Return one figure, or all for ``"all"``; `InputError` if there is none."""
     if name == "all":
         return tuple(FIGURES.values())
     if name not in FIGURES:

@@ -1,5 +1,5 @@
-"""Figures 8 and 11: stick-slip of ageing contacts against the rate of ageing, and
-their effective stiffness.
+"""Figures 8 and 11: stick-slip of ageing contacts against the rate of ageing, and their
+effective stiffness.
 """
 
 import math
@@ -30,15 +30,14 @@ from stickslip.paper.kit import (
 from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
 from stickslip.plot import BLACK, BLUE, GREEN, GREY, PALETTE, SKY, VERMILLION
 
-# Relaxed contacts have short stretchings, and thresholds of the stationary
-# distribution.
+# Relaxed contacts have short stretchings and thresholds of the stationary distribution.
 _STARTS: dict[str, Start] = {"relaxed": ss.FromRest(), "smooth": ss.FromSliding()}
 _METHODS: dict[str, Method] = {
     "contacts": ss.Contacts(FIG8.contacts, seed=8),
     "kinetic equation": ss.MasterEquation(),
 }
 _SHOWN = {0.7: BLUE, 0.9: SKY, 1.5: VERMILLION, 2.0: GREEN}
-# of thresholds
+# number of thresholds drawn, and of bins of their histogram
 _COUNT = 100_000
 _BINS = 60
 
@@ -95,10 +94,10 @@ def _data_8(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _at_rest() -> tuple[Array, Array, Array]:
-    """Thresholds; their distribution, Eq. (17); and that of contacts aged at rest by
-    Eq. (13), in small steps.
+    """Return thresholds; their distribution, Eq. (17); and the histogram of contacts
+    aged at rest by Eq. (13), in small steps.
     """
-    # of time, in 1/rate^2; the standard deviation comes out too large by a quarter of
+    # time step in 1/rate^2; it makes the standard deviation too large by a quarter of
     # it
     step = 0.01
     rng = np.random.default_rng(13)
@@ -115,7 +114,7 @@ def _at_rest() -> tuple[Array, Array, Array]:
     return middle, stationary.density(middle), seen
 
 
-# Rate of ageing, start, and the band of the oscillation there.
+# rate of ageing, start, and the band of the peak to peak there
 _OSCILLATIONS = (
     (0.7, "relaxed", -math.inf, 0.05),
     (0.7, "smooth", -math.inf, 0.05),
@@ -135,8 +134,8 @@ def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
     mean = float(np.sum(f * seen) * width)
     std = math.sqrt(float(np.sum((f - mean) ** 2 * seen) * width))
     apart = float(np.max(np.abs(np.cumsum(seen - exact)) * width))
-    # 1e5 contacts: standard errors of 3e-4, 2e-4 and at most 1.6e-3 (half of 1e5**-.5);
-    # Sheppard's bin width**2/12.
+    # With 1e5 contacts the standard errors are 3e-4, 2e-4 and at most 1.6e-3 (half of
+    # 1e5**-.5); bin width**2/12 is Sheppard's correction of the variance.
     yield claim_from(
         13,
         "the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
@@ -214,7 +213,7 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
 
 
 def _draw_forces(axes: Sequence[Axes], data: xr.Dataset) -> None:
-    """Draw the spring force at some rates of ageing, for each start below the other."""
+    """Draw the spring force at several rates of ageing, the starts below each other."""
     titles = {
         "relaxed": "(a) from relaxed contacts",
         "smooth": "(b) from smooth sliding",
@@ -308,18 +307,18 @@ def _draw_oscillation(ax: Axes, data: xr.Dataset) -> None:
 
 
 _CONVERGED = {0.1: 3.309, 0.3: 2.260, 0.5: 0.9205, 0.8: 0.1122}
-"""Velocities, and the slopes there, converged in the grids of margins, ages and
-distance.
+"""Steepest slopes at several velocities, converged in the grids of margins, ages and
+displacement.
 """
 _DISTANCE = 1.6
 _SPACING = 0.0025
-_FAST = 20.0  # of sliding in which contacts hold a thousandth of what they hold at rest
+_FAST = 20.0  # velocity at which contacts hold a thousandth of their force at rest
 _EACH_WAY = 200.0
 
 
 def _pulled(velocity: float) -> xr.DataArray:
-    """Force of contacts that were all newborn where a slider of constant velocity
-    started, against its displacement.
+    """Return the force of contacts that are all newborn at the start of a slider of
+    constant velocity, against its displacement.
     """
     X, force = theory.newborn_pull(
         FIG11.interface, velocity, _DISTANCE, round(_DISTANCE / _SPACING)
@@ -328,8 +327,8 @@ def _pulled(velocity: float) -> xr.DataArray:
 
 
 def _steepest(force: xr.DataArray) -> float:
-    """Steepest decrease of the force: our ``K_eff(v)``, which the paper does not
-    define.
+    """Return the steepest decrease of the force: our ``K_eff(v)``, which the paper does
+    not define.
     """
     F = force.values
     return float(np.max(F[:-2] - F[2:])) / (2.0 * _SPACING)
@@ -399,7 +398,7 @@ def _claims_11(data: xr.Dataset) -> Iterator[Claim]:
     low, high = data["unstable"].values.tolist()
     falls = float(data["K_eff"].diff("velocity").max())
     renewal = data["friction_force"].sel(velocity=list(_CONVERGED)).values
-    # A contact's stretching scatters by less than .5; the solvers differ by .002.
+    # The stretching of a contact scatters by less than .5; the solvers differ by .002.
     of_newborns = (
         "force of newborn contacts, largest difference of N contacts from "
         "the renewal equation"
@@ -427,7 +426,7 @@ def _claims_11(data: xr.Dataset) -> Iterator[Claim]:
         between("first transition, v1 of the ramp", v1, *V1_SCALED, "x_s/time"),
         between("second transition, v2 of the ramp", v2, *V2_SCALED, "x_s/time"),
         between("smooth sliding unstable from (linear)", low, *V1_SCALED, "x_s/time"),
-        # Where Fig. 8 has its lower edge: beta = .80 at v = 1.
+        # the lower edge of Fig. 8, beta = .80 at v = 1, scaled to beta = 1
         near(
             "smooth sliding unstable up to (linear)", high, 0.80**-2, 0.08, "x_s/time"
         ),

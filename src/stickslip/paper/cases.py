@@ -32,21 +32,21 @@ class PaperCase:
 
 
 CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER = 2.989, 3.548
-"""``K*/N`` of the interface of Figs. 4 to 7 by Eq. (8): contacts re-attach at once,
-or never.
+"""``K*/N`` of the interface of Figs. 4 to 7 by Eq. (8), if contacts re-attach at once
+and if they never do.
 """
-PERIOD = 1.487  # of stick-slip in Fig. 4, K = 2 k, delay .2
+PERIOD = 1.487  # period of stick-slip in Fig. 4, K = 2 k, delay .2
 V1, V1_FREQUENCY = 1.388221, 7.265139
-"""Fig. 7a: where smooth sliding loses stability, and the angular frequency of its
-mode there.
+"""Fig. 7a: velocity at which smooth sliding loses stability, and the angular frequency
+of its neutral mode.
 """
 
 
 def interface(
     initial: float | None = 0.01, threshold: float = 0.1, **mechanisms: Any
 ) -> Interface:
-    """By the standard deviations of initial forces (None: the steady state of
-    sliding) and of thresholds.
+    """Return the interface with these standard deviations of initial forces (None: the
+    steady state of sliding) and of thresholds.
     """
     thresholds = Gaussian(mean=1.0, std=threshold)
     start = (
@@ -58,7 +58,7 @@ def interface(
 
 
 def slider(stiffness: float, ratio: float, mass: float = 1e-4) -> Slider:
-    """A slider whose damping is a ratio of its Omega."""
+    """Return a slider whose damping `eta` is `ratio` times its Omega."""
     return Slider(
         stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass)
     )
@@ -86,7 +86,7 @@ CASES = {
 
 
 def aged(case: PaperCase, rate: float) -> Rig:
-    """The rig of a figure with another rate of ageing."""
+    """Return the rig of a figure with another rate of ageing."""
     return case.rig.replace(
         interface=replace(case.interface, ageing=Langevin(rate=rate))
     )

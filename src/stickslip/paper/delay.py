@@ -46,16 +46,16 @@ _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
 
 _SHOWN = 20.0
-# the window that is evaluated; earlier windows show how fast a transient decays
+# begin and end of the evaluated window; earlier windows show the decay of a transient
 _BEGIN = 60.0
 _END = 120.0
 _EARLY = (20.0, 40.0, 60.0)
-# variation of the period left to a solver's steps; a thousand contacts have 40 times as
-# much
+# largest coefficient of variation of the period from the steps of a solver; a thousand
+# contacts have 40 times as much
 _PERIODIC = 1e-4
 
 _TRACES = ["spring_force", "velocity", "displacement"]
-_LATE = {  # fields of a `Regime` that are kept, and the decay beside them
+_LATE = {  # fields of `Regime` that are stored, and the decay of the transient
     "kind": f"regime after t = {_BEGIN:g}",
     "peak_to_peak": "peak to peak of the spring force, late, per contact [f_s]",
     "mean_force": "mean spring force, late, per contact [f_s]",
@@ -96,7 +96,7 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         return found | {"decay": begin / later} | dict(shown)
 
     def scatter(count: int, progress: Progress) -> dict[str, float]:
-        # K = 2 k, delay .2
+        # K = 2 k, delay .2, as in `FIG4`
         rig = FIG4.rig.replace(drive=ss.constant(FIG4.velocity, 2.0 * _END))
         made = ss.simulate(
             rig, method=ss.Contacts(count, seed=9), output=output, progress=progress
@@ -136,9 +136,9 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _late_numbers(data: xr.Dataset) -> Iterator[Measured]:
-    """The settled numbers of the two stiffnesses, by each solver."""
+    """Yield the settled numbers of both stiffnesses, by each solver."""
     exact = data["mean_force_smooth"].sel(delay=0.0).to_series()
-    # Contacts add their noise to the largest and the smallest value.
+    # The noise of contacts adds to the largest and the smallest value.
     for solver, noise, of_mean in (
         ("contacts", 0.03, 0.004),
         ("master equation", 0.015, 1e-4),
@@ -183,8 +183,8 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
         "stick-slip", 2.0, 0.1, 0.105, 0.2
     )
     stiff = all_are("smooth sliding", 5.0, 0.0, 0.09, 0.1, 0.2)
-    # As printed, K = 5 k would be smooth at once; at a delay of .2 the oscillation of
-    # the start outlasts the picture.
+    # As printed, K = 5 k is smooth from the start; but at a delay of .2 the initial
+    # oscillation lasts longer than the picture.
     at_once = float(data["decay"].sel(stiffness=5.0, delay=0.2).max()) > 10.0
     yield claim_from(
         7,
@@ -211,7 +211,8 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
     )
     count = data["contacts"].values
     scatter = data["period_scatter"].values
-    # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
+    # The scatter over n periods has a relative error of 1/sqrt(2 n); here n is about
+    # 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     name = "coefficient of variation of the period"
     yield claim_from(
@@ -290,19 +291,19 @@ def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
 
 
 _MASS = FIG6.slider.mass
-_FITTED = 1e-3 * (1 + 1e-9)  # largest M v^2 in the fit, and what rounding adds
-# About where tau* v is expected, to start the search: A1 + A2 (M v^2)^(1/3). The answer
-# does not depend on it.
+_FITTED = 1e-3 * (1 + 1e-9)  # largest M v^2 in the fit, with an allowance for rounding
+# expected tau* v at which the search starts, A1 + A2 (M v^2)^(1/3); the result does not
+# depend on it
 _EXPECTED = (0.05, 0.55)
 _A1 = (0.047, 0.054)
 _A2 = (0.47, 0.57)
 
 
-@functools.cache  # some cases are in several panels
+@functools.cache  # several panels share cases
 def _delays(
     mass: float, velocity: float, ratio: float, tolerance: float
 ) -> dict[str, float]:
-    """Sustained (nonlinear) and linear critical delay."""
+    """Return the sustained (nonlinear) and the linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(mass * velocity**2)) / velocity
     rig = ss.Rig(
         FIG6.interface,
@@ -367,9 +368,7 @@ def _data_6(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _fit(curve: pd.DataFrame, kind: str = "sustained") -> Array:
-    """Coefficients of ``tau v = A1 + A2 (M v^2)^(1/3)``, by the curve that they are
-    fitted to.
-    """
+    """Fit ``tau v = A1 + A2 (M v^2)^(1/3)`` to a curve; return A1 and A2."""
     M_v2 = curve["mass"] * curve["velocity"] ** 2
     kept = M_v2 <= _FITTED
     return np.polyfit(np.cbrt(M_v2[kept]), (curve[kind] * curve["velocity"])[kept], 1)[
@@ -417,7 +416,7 @@ def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
             name="linear critical delay, largest over smallest of all masses",
             value=linear.max() / linear.min(),
         ),
-        # As printed it would go so whichever of the two delays is meant.
+        # As printed, it would hold for either of the two delays.
         printed=all(
             low <= A <= high
             for A, (low, high) in zip(_fit(by_mass, "linear"), (_A1, _A2), strict=True)
@@ -534,7 +533,7 @@ def _draw_delays(
 
 
 def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> None:
-    """A line, dotted where it was not fitted."""
+    """Draw a line, dotted outside the fitted range."""
     for kept, style in ((M_v2 <= _FITTED, "-"), (M_v2 >= _FITTED, ":")):
         ax.plot(
             x[kept],

@@ -26,19 +26,19 @@ _NOT: Verdict = "not reproduced"
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A number that a claim rests on, and the band it must lie in: the settled
+    """A number that a claim is based on, and the band in which it must lie: the settled
     number and its tolerance.
     """
 
     name: str
     value: float
-    low: float = -math.inf  #: of the band, included
+    low: float = -math.inf  #: lower end of the band, included
     high: float = math.inf
     unit: str = ""  #: empty for a pure number
 
     @property
     def ok(self) -> bool:
-        """Whether the value lies in the band; a value that is not a number does not."""
+        """Whether the value lies in the band; NaN does not."""
         return self.low <= self.value <= self.high
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ class Measured:
 def between(
     name: str, value: SupportsFloat, low: float, high: float, unit: str = ""
 ) -> Measured:
-    """A number that must lie in a band."""
+    """Return a number that must lie in a band."""
     return Measured(
         name=name, value=float(value), low=float(low), high=float(high), unit=unit
     )
@@ -72,24 +72,26 @@ def between(
 def near(
     name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = ""
 ) -> Measured:
-    """A number that must be within a tolerance of the settled one."""
+    """Return a number that must be within a tolerance of the settled one."""
     return between(name, value, exact - tolerance, exact + tolerance, unit)
 
 
 def at_most(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
-    """A number that must not exceed a bound."""
+    """Return a number that must not exceed a bound."""
     return between(name, value, -math.inf, bound, unit)
 
 
 def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
-    """A number that must reach a bound."""
+    """Return a number that must reach a bound."""
     return between(name, value, bound, math.inf, unit)
 
 
 def extremes(
     name: str, values: xr.DataArray, low: float, high: float, unit: str = ""
 ) -> list[Measured]:
-    """The smallest and the largest of several numbers, which must all lie in a band."""
+    """Return the smallest and the largest of several numbers, which must all lie in a
+    band.
+    """
     found = {"smallest": values.min(skipna=False), "largest": values.max(skipna=False)}
     return [
         between(f"{name}, {which}", value, low, high, unit)
@@ -99,25 +101,25 @@ def extremes(
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, the numbers it rests on, and our verdict."""
+    """A claim of the paper, the numbers that it is based on, and our verdict."""
 
-    #: in the list of the paper's claims that are checked, 1 to 18; None for one outside
-    #: it
+    #: in the list of the paper's claims that are checked, 1 to 18; None if it is not in
+    #: the list
     number: int | None
     statement: str  #: the claim in our words
     measured: tuple[Measured, ...]
     _: KW_ONLY
     evidence: str  #: how it was checked
-    #: whether it holds as printed; by default if every number lies in its band
+    #: whether it holds as printed; by default, if every number lies in its band
     printed: bool | None = None
     read: bool = True  #: whether it holds under the reading
-    #: reading or range in which the claim holds; empty where it holds as printed
+    #: reading or range in which the claim holds; empty if it holds as printed
     reading: str = ""
-    exact: str = ""  #: the correct statement, of a claim that does not hold
+    exact: str = ""  #: the correct statement, if the claim does not hold
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict of the data."""
+        """The verdict by the data."""
         met = all(m.ok for m in self.measured)
         if met if self.printed is None else self.printed:
             return _PRINTED
@@ -125,8 +127,8 @@ class Claim:
 
     @property
     def settled(self) -> Verdict:
-        """The verdict that an independent study of the model has settled; another
-        one is an error of ours.
+        """The verdict settled by an independent study of the model; any other verdict
+        is an error of ours.
         """
         return _NOT if self.exact else _READ if self.reading else _PRINTED
 
@@ -161,9 +163,7 @@ class Claim:
         return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *lines])
 
     def plain(self) -> dict[str, object]:
-        """Return plain values for JSON; None stands for a missing bound and for a value
-        that is not a number.
-        """
+        """Return plain values for JSON; None stands for a missing bound and NaN."""
         names = (
             "number",
             "statement",
@@ -184,8 +184,8 @@ class Claim:
 def claim_from(
     number: int | None, statement: str, *measured: Measured, **more: Any
 ) -> Claim:
-    """Return a claim that rests on some numbers; the other fields of `Claim` follow by
-    name.
+    """Return a claim that is based on several numbers; other fields of `Claim` are
+    given by name.
     """
     return Claim(number, statement, measured, **more)
 
@@ -193,10 +193,10 @@ def claim_from(
 @dataclass(frozen=True)
 class Figure:
     """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's
-    claims on them.
+    claims with them.
 
-    The first line of the docstring of its drawing is its title, the rest the caption of
-    its panels.
+    The first line of the docstring of its drawing is its title, the rest is the caption
+    of its panels.
     """
 
     name: str  #: such as ``"fig4"``
@@ -207,21 +207,21 @@ class Figure:
 
     @property
     def title(self) -> str:
-        """Its subject, in some words."""
+        """Title of the figure."""
         return str(self.drawing.__doc__).partition("\n\n")[0].removesuffix(".")
 
     @property
     def caption(self) -> str:
-        """Description of its panels."""
+        """Description of the panels."""
         return " ".join(str(self.drawing.__doc__).split("\n\n")[1].split())
 
     def compute(
         self, progress: Progress | None = None, quick: bool = False
     ) -> xr.Dataset:
-        """Compute the data of the figure; if `quick`, coarser, for tests: the verdicts
-        are the same.
+        """Compute the data of the figure; `quick` data are coarser, for tests, and give
+        the same verdicts.
 
-        `progress` is called with the fraction of the work that is done.
+        `progress` is called with the completed fraction of the work.
         `stickslip.io.datasets.save` writes the data.
         """
         report = progress or (lambda _: None)
@@ -235,9 +235,7 @@ class Figure:
         )
 
     def draw(self, data: xr.Dataset) -> Picture:
-        """Draw the data that `compute` gave; `stickslip.plot.save` writes the
-        picture.
-        """
+        """Draw the data from `compute`; `stickslip.plot.save` writes the picture."""
         self._check(data)
         with plot.house_style():
             picture = plot.new_figure(plot.PAGE, self.height)
@@ -245,7 +243,7 @@ class Figure:
         return picture
 
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
-        """Weigh the data that `compute` gave against the claims of the paper."""
+        """Check the claims of the paper with the data from `compute`."""
         self._check(data)
         return tuple(self.claims(data))
 
@@ -263,7 +261,7 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Reproduction:
-    """A figure that was made."""
+    """A figure that was computed and drawn."""
 
     figure: Figure
     data: Path  #: the Dataset, as NetCDF
@@ -272,7 +270,7 @@ class Reproduction:
 
     @property
     def ok(self) -> bool:
-        """Whether every claim came out as expected."""
+        """Whether every claim has the expected verdict."""
         return all(claim.ok for claim in self.claims)
 
     def __str__(self) -> str:
@@ -306,8 +304,8 @@ def places(
     directory: str | os.PathLike[str],
     formats: Sequence[Format] = ("png",),
 ) -> tuple[Path, tuple[Path, ...]]:
-    """Return the paths of the data and the pictures of a figure; the directory is made,
-    or `InputError` is raised.
+    """Return the paths of the data and the pictures of a figure; the directory is
+    created, or `InputError` is raised.
     """
     folder = Path(directory)
     try:
@@ -336,10 +334,10 @@ def reproduce(
     quick: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Compute a figure, write data and pictures, and weigh the claims on the data read
-    back from the file.
+    """Compute a figure, write data and pictures, and check the claims with the data
+    read back from the file.
 
-    Raises `InputError` if nothing can be written there; before anything is computed.
+    Raises `InputError`, before anything is computed, if files cannot be written there.
 
     Examples
     --------

@@ -1,5 +1,5 @@
-"""Figures 1, 2, 3 and 5: the force on a rigid slider, and the elastic instability of
-one on a soft spring.
+"""Figures 1, 2, 3 and 5: the force on a rigid slider, and the elastic instability of a
+slider on a soft spring.
 """
 
 import math
@@ -50,13 +50,13 @@ from stickslip.plot import BLACK, BLUE, DASHED, GREEN, GREY, ORANGE, PALETTE, VE
 from stickslip.rigid import effective_stiffness
 
 _FAR = 8.0
-_POINTS = 1600  # of the curves
+_POINTS = 1600  # number of intervals of the curves
 # standard deviations of initial forces and of thresholds
 _STARTS = (0.0, 0.01, 0.03, 0.1, 0.3)
 _WIDTHS = (0.1, 0.3)
 
-# x_s, where the oscillation of the narrowest distribution below has fallen by exp(-2
-# pi^2 .1^2 60) = 7e-6
+# distance, in x_s, at which the oscillation of the narrowest distribution below has
+# fallen by exp(-2 pi^2 .1^2 60) = 7e-6
 _LATE = 60.0
 _DISTRIBUTIONS: dict[str, Distribution] = {
     "Gaussian, standard deviation .1": ss.Gaussian(mean=1.0, std=0.1),
@@ -69,10 +69,10 @@ _DISTRIBUTIONS: dict[str, Distribution] = {
 }
 
 # The pairs of standard deviations in the picture, and the first maximum and minimum of
-# F_c: Eqs. (1)-(4) to the letter, in which a contact that starts stretched backwards
-# may have any threshold. In truth it has not broken, so that its threshold lies beyond
-# its stretching, and contacts remember that; it matters in the third digit, and only if
-# both standard deviations are wide.
+# F_c by Eqs. (1)-(4) as printed, in which a contact that starts stretched backwards may
+# have any threshold. In fact it has not broken, so its threshold lies beyond its
+# stretching, and contacts keep that memory; it changes the third digit, and only if
+# both standard deviations are large.
 _SETTLED = {
     (0.01, 0.1): (0.79560, 0.22452),
     (0.01, 0.3): (0.64572, 0.49249),
@@ -85,8 +85,8 @@ _PAIRS = list(_SETTLED)
 def _force(
     initial: float | None, threshold: float, method: Any = ss.model.Renewal(_POINTS)
 ) -> xr.DataArray:
-    """Force on the same positions by any method; by all but `Renewal` contacts
-    remember that they have not broken.
+    """Return the force at the same positions by any method; with all but `Renewal`,
+    contacts keep the memory that they have not broken.
     """
     force = ss.rigid_slide(interface(initial, threshold), _FAR, method=method)[
         "friction_force"
@@ -95,8 +95,8 @@ def _force(
 
 
 def _late_deviation(name: str) -> float:
-    """Largest relative distance of the force from the kinetic friction in the last
-    x_s.
+    """Return the largest relative distance of the force from the kinetic friction in
+    the last x_s.
     """
     narrow = replace(FIG1.interface, thresholds=_DISTRIBUTIONS[name])
     force = ss.rigid_slide(narrow, _LATE, method=ss.model.Renewal(12_000))[
@@ -156,7 +156,7 @@ def _data_1(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _turning_points(force: xr.DataArray) -> xr.DataArray:
-    """First maximum and first minimum, by parabolas through three samples."""
+    """Return the first maximum and minimum, by parabolas through three samples."""
     F = force.values
     at = np.array([argrelmax(F)[0][0], argrelmin(F)[0][0]])
     left = F[at - 1]
@@ -277,7 +277,7 @@ def _drawing_1(picture: Picture, data: xr.Dataset) -> None:
 
 
 def _sketch(ax: Axes) -> None:
-    """The model: a slider pulled by a spring over contacts, each a spring that
+    """Draw the model: a slider pulled by a spring over contacts, each a spring that
     breaks.
     """
     ax.set(xlim=(0, 10), ylim=(0, 3.2))
@@ -287,7 +287,7 @@ def _sketch(ax: Axes) -> None:
         (3.4, 1.1, 5.6, 1.7, "#AADAF4"),
     ):
         ax.bar(*box, color=colour, edgecolor=BLACK, linewidth=0.7)
-    # a spring, and its zigzag
+    # positions along a spring, and the zigzag across it
     along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])
     aside = np.array([0.0, 0.0, 0.13, -0.13, 0.13, -0.13, 0.13, -0.13, 0.0, 0.0])
     for foot in np.arange(0.95, 5.4, 1.1):
@@ -319,15 +319,14 @@ def _sketch(ax: Axes) -> None:
         ax.text(x, y, words, ha=side, va="center", fontsize=8)
 
 
-STIFF = 5.0  # of a spring that follows the fall of the force, as in Fig. 4
+STIFF = 5.0  # spring that follows the decrease of the force, as in Fig. 4
 _WAY = 2.0
-# fraction of contacts that have broken where, to the eye, the force leaves the straight
-# line
+# fraction of broken contacts at which the force visibly leaves the straight line
 _ONSET = 0.01
 
 
 def first_instability(interface: ss.Interface, stiffness: float) -> tuple[float, float]:
-    """Return positions of slider and drive, in ``x_s``, where first
+    """Return the first positions of slider and drive, in ``x_s``, at which
     ``K_eff(X) = K``: equality in Eq. (6).
     """
     X = np.linspace(0.0, _WAY, 2001)
@@ -363,8 +362,8 @@ def _data_2(progress: Progress, quick: bool) -> xr.Dataset:
     onset = np.interp(_ONSET, cumulative_trapezoid(rate, X, initial=0), X)
     begin = onset + np.interp(onset, X, force) / slider.stiffness
     drives = np.array([begin, drive, 2.0 * drive - begin])
-    # The slider lands where the line of the spring meets the force again, inertia
-    # aside.
+    # Without inertia the slider lands where the line of the spring meets the force
+    # again.
     landing = X[(X_star + 1e-3 < X) & (slider.stiffness * (drive - X) < force)][0]
     potential = [theory.effective_potential(slider, X, force, d) for d in drives]
     never = list(first_instability(FIG5.interface, slider.stiffness))
@@ -541,8 +540,8 @@ def _draw_point(
 
 
 def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
-    """The effective potential before, at and after the instability, with the slider
-    where it rests.
+    """Draw the effective potential before, at and after the instability, with the
+    slider in its well.
     """
     V = data["V_eff"] - data["V_eff"].interp(displacement=float(data["point"][1]))
     before, at, _ = data["point"].values
@@ -573,8 +572,8 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
 _PRINTED = 3.59
 _PAPER = {"initial_std": 0.01, "threshold_std": 0.1}
 
-# Where stick-slip is looked for: threshold standard deviation, delay, start, how long,
-# and whether it is found.
+# Cases in which stick-slip is searched: threshold standard deviation, delay, start,
+# duration, and whether it is found.
 _RUNS: dict[str, tuple[float, float, Start, float, bool]] = {
     "narrow thresholds, narrow start, delay .12": (
         0.1,
@@ -600,7 +599,7 @@ _RUNS: dict[str, tuple[float, float, Start, float, bool]] = {
     ),
     "wide thresholds, narrow start, delay .2": (0.3, 0.2, ss.FromRest(), 120.0, False),
 }
-_EVALUATED = 60.0  # time units at the end of a run
+_EVALUATED = 60.0  # time units evaluated at the end of a run
 
 
 def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
@@ -739,7 +738,7 @@ def _claim_6(data: xr.Dataset) -> Claim:
         near(
             "K*, contacts never re-attach", never, CRITICAL_STIFFNESS_NEVER, 0.003, "k"
         ),
-        # half a digit
+        # half a unit of the last printed digit
         printed=any(abs(K - _PRINTED) <= 0.005 for K in (at_once, never)),
         exact=(
             f"{CRITICAL_STIFFNESS} k if broken contacts re-attach at once, "
@@ -832,7 +831,7 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
             textcoords="offset points",
             fontsize=8,
         )
-        # At .5 the ticks of neighbouring panels would meet.
+        # A tick at .5 would meet that of the neighbouring panel.
         panel(
             ax,
             title,
@@ -857,8 +856,8 @@ _DAMPINGS = {
     "0.3 Omega": 0.3 * FIG5.slider.frequency,
     "0": 0.0,
 }
-"""Damping of the slider of Fig. 5, of that of Figs. 6 and 7, and none."""
-# Omega dt up to which Eq. (12), the first terms of a series in it, can be meant
+"""Damping of the sliders of Fig. 5 and of Figs. 6 and 7, and none."""
+# largest Omega dt at which Eq. (12), the first terms of a series in it, can be valid
 _AROUND = 1.0
 
 
@@ -929,7 +928,7 @@ def _data_5(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _passes(run: xr.Dataset, X: float) -> float:
-    """Time at which the slider first passes a position."""
+    """Return the time at which the slider first passes a position."""
     return float(
         np.interp(X, np.maximum.accumulate(run["displacement"].values), run["time"])
     )

@@ -1,5 +1,5 @@
-"""Tools for the data and pictures of the figures: cases of a grid, labelled
-Datasets, panels with their words.
+"""Tools for the data and pictures of the figures: grids of cases, labelled Datasets,
+and labelled panels.
 """
 
 import itertools
@@ -38,8 +38,8 @@ def dataset(
 ) -> xr.Dataset:
     """Return a labelled Dataset.
 
-    A variable is an array with coordinates of its own, or ``("dimension", values)``;
-    ``"words [unit]"`` follow where it has none, as those of a run have. A coordinate is
+    A variable is an array with its own coordinates, or ``("dimension", values)``; if it
+    has no attributes, unlike those of a run, ``"words [unit]"`` follow. A coordinate is
     given by its values, or ``(values, words)``.
     """
     words = dict(_WORDS)
@@ -62,7 +62,7 @@ def dataset(
 
 
 def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
-    """Divide a progress between tasks of these lengths, one after the other."""
+    """Divide a progress between successive tasks of these lengths."""
     ends = np.append(0.0, np.cumsum(lengths)) / sum(lengths)
     return (part(progress, *each) for each in itertools.pairwise(ends.tolist()))
 
@@ -76,7 +76,7 @@ def grid(
     """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if it
     reports its progress.
 
-    The variables of a run stand along the axes, then along dimensions of their own.
+    The variables of a run have the axes as first dimensions, then their own.
     """
     coordinates = {name: list(values) for name, values in axes.items()}
     cases = list(itertools.product(*coordinates.values()))
@@ -112,13 +112,13 @@ def table(run: Callable[..., Any], /, **axes: Iterable[Any]) -> xr.DataArray:
 
 
 def power(x: Any, y: Any) -> float:
-    """Return the slope of log y against log x; NaN if a value is."""
+    """Return the slope of log y against log x; NaN if any value is NaN."""
     spread = np.cov(np.log(x), np.log(y))
     return float(spread[0, 1] / spread[0, 0])
 
 
 def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:
-    """Shade a range along the axis to the right in grey, labelled above a height."""
+    """Shade a range of the horizontal axis in grey, with a label above a height."""
     low, high = map(float, ends)
     ax.axvspan(low, high, color=GREY, alpha=0.15, linewidth=0)
     ax.text(0.5 * (low + high), height, words, ha="center", va="bottom", fontsize=8)
@@ -132,7 +132,7 @@ def second_axis(
     ticks: Sequence[float],
     **style: Any,
 ) -> Axes:
-    """Draw a red line against a red axis on the right of a panel, and return that."""
+    """Draw a red line against a red axis on the right of a panel; return the axis."""
     right = ax.twinx()
     right.spines["right"].set_visible(True)
     right.plot(x, y, color=VERMILLION, **style)

@@ -47,7 +47,7 @@ LEVEL = 0.6
 V1_SCALED = (0.34, 0.50)
 V2_SCALED = (1.05, 1.25)
 _FOUND = ("v1", "v2", "v2_down", "v1_down", "up", "down")
-_STRONG = 0.8  # spring force, in f_s, that stands as high as the largest velocity
+_STRONG = 0.8  # spring force, in f_s, drawn at the height of the largest velocity
 
 
 def ramped(
@@ -59,9 +59,7 @@ def ramped(
     level: float | None = None,
     start: Start = ss.FromSliding(),
 ) -> xr.Dataset:
-    """Return the force on a ramp, by default from smooth sliding, and the transitions
-    in it.
-    """
+    """Return the force on a ramp, by default from smooth sliding; and transitions."""
     run = ss.simulate(
         rig,
         method=method,
@@ -76,8 +74,8 @@ def ramped(
 
 
 def draw_ramp(ax: Axes, run: xr.Dataset, title: str, low: float, top: float) -> Axes:
-    """Draw the force on a ramp, and the velocity on a second axis, which is
-    returned: zero at zero force.
+    """Draw the force on a ramp, and the velocity on a second axis with the same zero;
+    return that axis.
     """
     plot.force_trace(run[["spring_force"]], ax, color=BLUE)
     ax.lines[0].set_linewidth(0.5)
@@ -119,8 +117,8 @@ def draw_oscillation(ax: Axes, run: xr.Dataset, title: str) -> None:
 
 
 def _passed(run: xr.Dataset, name: str) -> tuple[float, float]:
-    """A velocity that is known by name, of several ramps the first's, and when the
-    ramp passes it, up or down.
+    """Return a velocity by its name, of the first ramp, and the time at which the ramp
+    passes it, up or down.
     """
     t = run["time"].values
     v = run["drive_velocity"].values
@@ -140,8 +138,8 @@ def draw_mark(
     line: float,
     side: str = "center",
 ) -> None:
-    """Mark where a ramp passes a velocity by a dashed line, up to a fraction of the
-    panel, and words above it.
+    """Mark the time at which a ramp passes a velocity by a dashed line, up to a
+    fraction of the panel, with words above it.
     """
     velocity, time = _passed(run, name)
     if math.isfinite(time):
@@ -153,8 +151,8 @@ def draw_mark(
 def draw_around(
     ax: Axes, run: xr.Dataset, name: str, before: float, after: float
 ) -> None:
-    """Draw the force around the time at which a ramp passes a velocity; nothing
-    where there is none.
+    """Draw the force around the time at which a ramp passes a velocity; nothing if the
+    velocity is unknown.
     """
     _, time = _passed(run, name)
     if math.isfinite(time):
@@ -163,10 +161,10 @@ def draw_around(
     ax.margins(x=0)
 
 
-# of the ramp of (a)
+# ends of the velocity in the ramp of (a)
 _SLOW = 0.1
 _FAST = 3.0
-_TOP = 8.0  # of (b): far enough for stick-slip to end
+_TOP = 8.0  # largest velocity in (b): far enough for stick-slip to end
 _EACH_WAY = 400.0
 _SHOWN = 16.0  # time units of an inset
 _MEAN = 0.2
@@ -177,8 +175,8 @@ _PERSISTS: dict[str, tuple[Range, ...]] = {
     "0.12, fold": (),
     "0.12, redraw": ((0.65, 0.75), (0.8, 0.95)),
 }
-"""Standard deviations of the delays, the treatment of negative draws, and the bands of
-the velocities between which stick-slip persists, if it does.
+"""For each standard deviation of the delays and treatment of negative draws: bands of
+the ends of the velocities at which stick-slip persists, if it does.
 """
 _SWEPT = ("0.06, clip", "0.12, clip")
 
@@ -190,10 +188,12 @@ def _random(case: str) -> ss.Rig:
 
 
 def _ranges(case: str, points: int) -> dict[str, Any]:
-    """Velocities between which stick-slip persists and smooth sliding is unstable."""
+    """Return the velocities between which stick-slip persists, and those between which
+    smooth sliding is unstable.
+    """
     rig = _random(case)
     nowhere = [math.nan, math.nan]
-    # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
+    # With redrawn delays the range is narrow, .7 to .9, and needs this many points.
     windows = ss.sustained(
         rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01
     ).windows
@@ -416,7 +416,7 @@ _ENDS = {
     "v2_down": (2.7, 3.3),
     "v1_down": (0.03, 0.09),
 }
-# Up through v1 and v2, and down through both; slowly where the transitions are.
+# up through v1 and v2, and down through both; slowly near the transitions
 _UP = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))
 _DOWN = (
     ss.ramp(4.0, 0.3, 200.0)
@@ -487,8 +487,8 @@ def _drawing_9(picture: Picture, data: xr.Dataset) -> None:
         "aaa;bcd", height_ratios=(1.2, 1.0)
     ).values()
     draw_ramp(sweep, data, r"(a) up and down, $\beta$ = 1.5", -0.6, 1.3)
-    # The transitions may be close together: two lines of text, v2 and v2' to either
-    # side.
+    # The transitions may be close together: labels on two levels, v2 and v2' on both
+    # sides.
     places = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}
     for name in _ENDS:
         height, side = places.get(name, (1.0, "center"))
@@ -524,7 +524,7 @@ def _data_10(progress: Progress, quick: bool) -> xr.Dataset:
         )
         return run[["v1", "v2"]]
 
-    # of one ramp v2 scatters by .02 beta^2
+    # v2 of a single ramp scatters by .02 beta^2
     seen = grid(ends, progress, rate=rates, seed=(1, 2))
     linear = [
         ss.stability.onset(

@@ -1,8 +1,8 @@
-"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset
-out.
+"""Simulated runs of a rig: an interface, a slider, a drive and a method in, a labelled
+Dataset out.
 
-`engines` holds the solvers, one class each behind one protocol; `follow` takes any of
-them along any drive; `result` makes the Dataset.
+`engines` holds the solvers, one class each behind one protocol; `driver` advances any
+of them along any drive; `result` makes the Dataset.
 """
 
 from stickslip.simulation.driver import follow_leg

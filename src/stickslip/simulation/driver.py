@@ -1,5 +1,5 @@
-"""The driver: any engine along any drive, with samples, snapshots, conditions and
-progress.
+"""The driver: follows any engine along any drive, with samples, snapshots, conditions
+and progress.
 """
 
 from dataclasses import astuple, dataclass, replace
@@ -25,12 +25,12 @@ from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
 
-_INSTANT = 1e-10  # of a run: no ramp that is shorter shows in it
+_INSTANT = 1e-10  # fraction of a run: a shorter ramp counts as a jump
 
 
 @dataclass(frozen=True)
 class Track:
-    """Track of an engine: samples, the drive at their times, and snapshots
+    """Recorded track of an engine: samples, the drive at their times, and snapshots
     with their times.
     """
 
@@ -57,11 +57,11 @@ def follow(
     before: Track | None = None,
     load: Array = NO_LOAD,
 ) -> Track:
-    """Follow a drive from piece to piece, from time 0 on, or what was `before`; a
-    condition may end a piece early. The `load` is at times of the whole run.
+    """Follow a drive piece by piece from time 0, or from the end of the track `before`.
 
-    A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`,
-    naming the moment, if the numbers of the run stop being finite.
+    A condition may end a piece early. The `load` is given at times of the whole run. A
+    sample at the joint of two pieces belongs to the earlier one. Raises `InputError`
+    with the time at which the numbers of the run stop being finite.
     """
     report = progress or (lambda _: None)
     total = drive.duration
@@ -76,7 +76,7 @@ def follow(
     for piece in drive.parts:
         begin, X = engine.here()
         if piece.duration < _INSTANT * total:
-            # closed forms would lose a motion in the rounding of its acceleration
+            # closed forms would lose the motion in the rounding of the acceleration
             middle = 0.5 * (piece.start + piece.end)
             piece = replace(piece, start=middle, end=middle)
         leg = Leg.along(piece, begin, position)
@@ -130,10 +130,10 @@ def follow_leg(
     leg: Leg,
     report: Progress = lambda _: None,
 ) -> tuple[Array, list[Stretchings]]:
-    """Follow a leg to its end; returns a row for each sample that was passed, and
-    what the looks have seen.
+    """Follow a leg to its end; return a row for each sample passed, and the stretchings
+    at its `looks`.
 
-    Raises `RuntimeError` if the engine no longer gets on.
+    Raises `RuntimeError` if the engine makes no progress.
     """
     parts = list[Array]()
     seen = list[Stretchings]()
@@ -168,7 +168,7 @@ def _check_finite(
 
 
 def _stop(until: Condition | None, X: float) -> Stop:
-    """Return a condition as the kernels take it, on a piece that begins with the
+    """Convert a condition to the form of the kernels, for a piece that begins with the
     slider at `X`.
     """
     if until is None:

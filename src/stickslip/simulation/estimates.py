@@ -1,8 +1,8 @@
-"""How long a run would take, said before it starts: each engine says it by part, for
-what it follows.
+"""Time and memory that a run will take, estimated by each engine, by part, before the
+run starts.
 
-The costs are those of one core of a desktop machine, measured in CPU time of runs; how
-much faster or slower this machine is, a few thousandths of a second show.
+The costs are CPU times measured on one core of a desktop machine; how much faster or
+slower the present machine is, is measured in a few milliseconds.
 
 >>> from stickslip.simulation import estimate
 >>> estimate(ss.example("pmma_slider")).seconds < 60
@@ -34,31 +34,32 @@ from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
 
-LONGEST = 3600.0  # seconds that a run may take without being asked for
+LONGEST = 3600.0  # seconds of a run above which it is refused unless `long`
 ANNOUNCED = 60.0  # seconds above which a run is announced
-LARGEST = 4e9  # bytes that it may take
+LARGEST = 4e9  # bytes of a run above which it is refused unless `long`
 
-_RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
-SAMPLES = "simulation.interval"  # the key of their work
-# seconds and bytes a sample takes
+_RADIAN = 6e-7  # seconds of a radian of the slider's oscillation
+SAMPLES = "simulation.interval"  # rig-file key that sets the work of samples
+# seconds and bytes of a sample
 _SAMPLE = (2.5e-7, 200.0)
 _SAMPLE_OF_BLOCK = (2e-8, 120.0)
-# bytes of a stretching in a snapshot, with its weight, and of a bin
+# bytes of a stretching with its weight in a snapshot, and of a bin
 _STRETCHING = 16.0
 _BIN = 8.0
-# samples of a run whose output does not say
+# bounds of the number of samples of a run where `Output.interval` is not given
 _FEWEST = 2e3
 _MOST = 5e4
-_NUMBERS = 2e6  # such samples of an elastic slider, times its blocks
-# Integrals that show how fast a machine is, by scalar arithmetic with branches as that
-# of the kernels; the seconds of the machine of the costs; and trials, the best counts.
+_NUMBERS = 2e6  # the same for an elastic slider: samples times blocks
+# Integrals whose time shows the speed of a machine, by scalar arithmetic with branches
+# like that of the kernels; their seconds on the machine of the costs; and the number of
+# trials, of which the fastest counts.
 _INTEGRALS, _REFERENCE, _TRIALS = 2000, 1.15e-4, 20
 
 
 @cache
 def slowness() -> float:
-    """How many times longer this machine takes for the same work than the one that
-    the costs were measured on.
+    """Time that this machine takes for a given work, over the time of the machine on
+    which the costs were measured.
     """
     places = np.linspace(0.001, 0.999, _INTEGRALS)
     best = math.inf
@@ -70,11 +71,11 @@ def slowness() -> float:
 
 
 class Part(NamedTuple):
-    """One kind of work in a run: `what` in words, and the number of the rig that it
-    grows with, to a `power`.
+    """One kind of work in a run: `what` in words, and the number of the rig to whose
+    `power` it is proportional.
 
-    `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure
-    number.
+    `key` is the name of the number in rig files, `value` its value in natural units, of
+    a `quantity`, or None for a pure number.
     """
 
     key: str
@@ -88,31 +89,31 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What a run of a rig would take, by part."""
+    """Work of a run of a rig, by part."""
 
     rig: Rig
     parts: tuple[Part, ...]
 
     @property
     def seconds(self) -> float:
-        """Time of one core of this machine."""
+        """CPU time on one core of this machine."""
         return self.reference_seconds * slowness()
 
     @property
     def reference_seconds(self) -> float:
-        """Time of one core of the machine that the costs were measured on, the same
-        everywhere.
+        """CPU time on one core of the machine on which the costs were measured, equal
+        on all machines.
         """
         return float(sum(part.seconds for part in self.parts))
 
     @property
     def bytes(self) -> float:
-        """Memory."""
+        """Memory in bytes."""
         return float(sum(part.bytes for part in self.parts))
 
     @property
     def longest(self) -> Part:
-        """Part that takes most of the time."""
+        """The part that takes most of the time."""
         return max(self.parts, key=attrgetter("seconds"))
 
     def check(
@@ -121,8 +122,8 @@ class Work:
         bytes: float = LARGEST,
         otherwise: str = "ask for it all the same: long=True (--long)",
     ) -> None:
-        """Raise `InputError` if the work is more than this; the message names what
-        to change, and `otherwise`.
+        """Raise `InputError` if the work exceeds these limits; the message names the
+        number to change, and ends with `otherwise`.
         """
         for of, most, scale, amount in (
             ("seconds", seconds, slowness(), in_time(self.seconds)),
@@ -140,7 +141,7 @@ class Work:
                 else self.rig.in_units(value, worst.quantity)
                 for value in (worst.value, allowed)
             )
-            # contacts take as much memory in a short run
+            # a shorter run needs as much memory for its contacts
             lasts = of == "seconds" or worst.key == SAMPLES
             shorter = f", or a drive {excess:.2g} times shorter" * lasts
             raise InputError(
@@ -159,12 +160,13 @@ def announce(name: str, seconds: float, what: str) -> None:
 
 
 class Course(NamedTuple):
-    """What contacts and slider go through in a run; pieces of the drive that end on a
-    condition are taken as a whole.
+    """Motion of contacts and slider in a run; pieces of the drive that end on a
+    condition count in full.
 
-    `distance` is the way of the drive and `shaken` that of a slider that a perturbation
-    has set ringing, in mean thresholds. The slider turns by so many radians, and rings
-    for `rung` of them, where it sticks.
+    `distance` is the travel of the drive and `shaken` the travel of a slider that rings
+    from a perturbation, in mean thresholds. `turns` is the phase of the slider's
+    oscillation in the whole run, in radians, and `rung` the part of it in which the
+    slider rings.
     """
 
     distance: float
@@ -174,7 +176,7 @@ class Course(NamedTuple):
 
 
 def course_of(rig: Rig) -> Course:
-    """Return what a run goes through."""
+    """Estimate the motion in a run of a rig."""
     slider = rig.slider
     duration = rig.drive.duration
     pieces = rig.drive.pieces
@@ -184,7 +186,7 @@ def course_of(rig: Rig) -> Course:
         return Course(distance)
     stiffness = getattr(slider, "stiffness", 0.0)
     frequency = math.sqrt((stiffness + 1.0) / slider.mass)
-    # A slip leaves the slider ringing, the longer, the less it is damped.
+    # A slip leaves the slider ringing, the longer the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
     turns = frequency * duration
     rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
@@ -193,22 +195,20 @@ def course_of(rig: Rig) -> Course:
         velocity = abs(rig.drive.velocity)
         largest = float(np.max(np.abs(rig.start.perturbation))) * velocity
         shaken = largest / (mean * frequency) * min(turns, rings)
-    # as does a drive that jumps to another velocity
+    # so does a jump of the drive's velocity
     jumps = sum(a.end != b.start for a, b in pairwise(pieces))
     slips = 1.0 + jumps + distance * min(stiffness, 1.0)
     return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 
 def way_of(piece: Piece) -> float:
-    """How far the drive goes in a piece, at most; a slider that has gone far enough
-    ends it.
-    """
+    """Travel of the drive in a piece, at most; a `Travel` of the slider may end it."""
     way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
 
 
 def shortened(piece: Piece) -> Piece:
-    """Return a piece that ends where its condition may end it."""
+    """Return a piece cut at the time at which its `Travel` condition may end it."""
     whole = way_of(replace(piece, until=None))
     share = way_of(piece) / whole if whole else 1.0
     return replace(piece, duration=piece.duration * share, until=None)
@@ -217,8 +217,10 @@ def shortened(piece: Piece) -> Piece:
 def oscillation(
     rig: Rig, radians: float, seconds: float | None = None
 ) -> tuple[Part, ...]:
-    """Return the work of following a slider with mass, of so many seconds."""
-    if radians == 0.0:  # of what is no slider, or has no mass
+    """Return the work of following the oscillation of a slider, by default from its
+    phase in radians.
+    """
+    if radians == 0.0:  # the slider has no mass, or is not a `Slider`
         return ()
     what = f"{radians:.2g} rad of the slider's oscillation"
     seconds = _RADIAN * radians if seconds is None else seconds
@@ -226,8 +228,8 @@ def oscillation(
 
 
 def sample_interval(rig: Rig, angle: float) -> float:
-    """Time between samples: where nothing is said an angle (rad) of the fastest
-    oscillation, within bounds on all.
+    """Time between samples; by default an angle (rad) of the fastest oscillation,
+    within bounds on their number.
     """
     slider = rig.slider
     duration = rig.drive.duration
@@ -267,7 +269,7 @@ def sampling(rig: Rig, angle: float) -> Part:
 
 
 def contacts_of(rig: Rig) -> int:
-    """Number of contacts that are followed one by one in a run."""
+    """Number of contacts that a run follows one by one."""
     method = rig.method
     if not isinstance(method, Contacts | QuasiStatic):
         return 0
@@ -277,8 +279,8 @@ def contacts_of(rig: Rig) -> int:
 
 
 def pieces_and_looks(rig: Rig, each: float) -> tuple[Part, ...]:
-    """Return the work of the pieces of a drive and of snapshots, each of so many
-    seconds to begin.
+    """Return the work of the pieces of a drive and of snapshots, of `each` seconds to
+    begin.
     """
     pieces = len(rig.drive.pieces)
     looks = len(rig.output.snapshots)
@@ -305,8 +307,8 @@ def breaking(
     how: str = "",
     more: float = 0.0,
 ) -> Part:
-    """Return the work of breaks of N contacts, `each` of so many seconds, and some
-    `more`.
+    """Return the work of breaks of N contacts, of `each` seconds, plus `more`
+    seconds.
     """
     what = f"about {count * lifetimes:.2g} breaks of {count:.2g} contacts{how}"
     return Part(

@@ -1,4 +1,4 @@
-"""The Dataset that a run becomes: names, units and what they mean."""
+"""The Dataset of a run: names, units and descriptions of its variables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STATE = "state "
-"""How the columns of an engine that hold the state of a structure begin."""
+"""Prefix of the columns of an engine that hold the state of a structure."""
 
 LABELS: Mapping[str, Mapping[str, str]] = labels(
     """
@@ -66,7 +66,7 @@ state | 1 | state of the structure, in natural units
 
 
 def with_label(name: str, dims: str | tuple[str, ...], values: ArrayLike) -> Labelled:
-    """Return a variable of a run with its units and its long name, of `LABELS`."""
+    """Return a variable of a run with its units and long name from `LABELS`."""
     return dims, np.asarray(values), dict(LABELS[name])
 
 
@@ -77,8 +77,8 @@ def dataset_of(
     provenance: str,
     marks: Mapping[str, Array] | None = None,
 ) -> xr.Dataset:
-    """Return the Dataset of a run, in natural units; `bins` are those of a snapshot,
-    `marks` of the blocks.
+    """Return the Dataset of a run in natural units; `bins` is the number of bins of a
+    snapshot, `marks` are variables on the blocks.
     """
     import xarray as xr
 
@@ -122,7 +122,7 @@ def dataset_of(
 
 
 def series_of(track: Track, slider: Slider | Mass | Structure) -> dict[str, Array]:
-    """Return what a run of a rigid slider or a structure has along time, in natural
+    """Return the time series of a run of a rigid slider or a structure, in natural
     units.
 
     Without a spring the "position" of the drive is its force.
@@ -146,7 +146,7 @@ def series_of(track: Track, slider: Slider | Mass | Structure) -> dict[str, Arra
 def _of_blocks(
     track: Track, body: ElasticBody, marks: Mapping[str, Array]
 ) -> dict[str, Labelled]:
-    """What an elastic slider has for each block."""
+    """Return the variables of each block of an elastic slider."""
     fields = track.rows[:, len(SUMS) :].reshape(
         len(track.rows), len(OF_BLOCKS), body.size
     )
@@ -171,7 +171,7 @@ def _of_blocks(
 
 
 def _places(body: ElasticBody) -> dict[str, Labelled]:
-    """Coordinates of the blocks; those of a sheet have a row as well."""
+    """Return the coordinates of the blocks; those of a sheet include row and column."""
     number = np.arange(body.size)
     found = {"block": with_label("block", "block", number)}
     if body.pulled.any():
@@ -189,7 +189,7 @@ def _density(seen: Stretchings, edges: Array) -> Array:
     if not seen.cells:
         counts, _ = np.histogram(seen.stretching, edges, weights=seen.fraction)
         return np.asarray(counts / np.diff(edges))
-    if seen.stretching.size == 0:  # nothing is attached
+    if seen.stretching.size == 0:  # no contact is attached
         return np.zeros(edges.size - 1)
     order = np.argsort(seen.stretching)
     x = seen.stretching[order]

@@ -66,8 +66,8 @@ def simulate(
     progress: Progress | bool | None = None,
     long: bool = False,
 ) -> xr.Dataset:
-    """Pull a slider on an interface by a spring, Eq. (11); an elastic one by one spring
-    or many.
+    """Pull a slider on an interface by a spring, Eq. (11), or an elastic slider by one
+    or several springs.
 
     Parameters
     ----------
@@ -76,22 +76,21 @@ def simulate(
     method : Contacts, MasterEquation or QuasiStatic, optional
         By default the rig's own.
     start : FromRest, FromSliding, Prestressed or xarray.Dataset, optional
-        By default the rig's own. From a run that was made with
-        ``output=Output(state=True)`` this one goes on, with the rig's drive as what
-        comes next: the Dataset is that of both, bit for bit as if made in one piece,
-        with the samples at the interval of the first.
+        By default the rig's own. A run that was made with
+        ``output=Output(state=True)`` is continued, along the drive of the rig: the
+        Dataset holds both runs, bit for bit as if made in one piece, with samples at
+        the interval of the first.
     output : Output, optional
-        Sampling and snapshots, as a rig holds them: in its unit of time, which is the
-        second for one from a file; by default the rig's own. It
-        never changes the motion of contacts that do not age; those that age are
-        followed in steps, which end at the samples.
+        Sampling and snapshots, in the rig's unit of time (the second for a rig from a
+        file); by default the rig's own. It never changes the motion of contacts that do
+        not age; contacts that age are followed in steps, which end at the samples.
     progress : bool or callable, optional
-        True for a bar, or a function that is called with the fraction of the drive that
-        is done.
+        True for a progress bar, or a function that is called with the completed
+        fraction of the drive.
     long : bool
-        Whether it may take more than an hour, or 4 GB of memory, by the estimate made
-        before it starts. Where that is more than a minute, it is logged (logger
-        ``stickslip``): one line on standard error, by default.
+        Whether the run may take more than an hour, or 4 GB of memory, by the estimate
+        made before it starts. An estimate of more than a minute is logged (logger
+        ``stickslip``): by default one line on standard error.
 
     Returns
     -------
@@ -102,18 +101,18 @@ def simulate(
         ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy``;
         with snapshots, ``stretching_density`` on ``(snapshot, stretching)``. In natural
         units forces and energies are per contact, in ``f_s`` and ``f_s x_s``. The
-        attribute ``provenance`` says how to make it again; see `rerun`. With
-        thresholds that age ``work`` and the energies of contacts, damping and breaks
-        are left out: breaks cannot be counted there (their rate diverges for newborns
+        attribute ``provenance`` holds all that is needed to make it again; see `rerun`.
+        With `Langevin` ageing ``work`` and the energies of contacts, damping and breaks
+        are omitted: breaks cannot be counted there (their rate diverges for newborns
         without strength).
 
-        Of a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``,
+        For a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``,
         ``velocity``, ``friction_force`` (per contact of a block), ``attached``, and
         ``broken`` (breaks per contact since the start). ``spring_force`` and the
-        energies, ``bulk_energy`` and ``viscous_energy`` among them, are sums over
-        blocks, per contact of a block; ``pulling_force`` is that of each driving
-        spring. Once for each ``block``: ``first_break`` (of infinitely many contacts,
-        that of a thousandth), ``first_break_force``, ``half_detached``. See `fronts`
+        energies, including ``bulk_energy`` and ``viscous_energy``, are sums over
+        blocks, per contact of a block; ``pulling_force`` is the force of each driving
+        spring. On ``block`` alone: ``first_break`` (with infinitely many contacts, the
+        break of a thousandth), ``first_break_force``, ``half_detached``. See `fronts`
         and `events`.
 
     Raises
@@ -149,16 +148,16 @@ def simulate(
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A run as its engine left it, in natural units, which becomes a Dataset only
-    where one is wanted.
+    """A run in natural units with its engine in the final state, converted to a Dataset
+    only on request.
     """
 
     rig: Rig
     track: Track
-    engine: Engine  # as it stands at the end
+    engine: Engine  # in its final state
 
     def dataset(self) -> xr.Dataset:
-        """The run with names, units and provenance, in the rig's units."""
+        """Return the run with names, units and provenance, in the rig's units."""
         provenance = store.provenance("simulate", {"rig": self.rig})
         marks = self.engine.marks()
         output = self.rig.output
@@ -170,8 +169,8 @@ class Recording:
         return states.keep(run, (self.track, self.engine)) if output.state else run
 
     def series(self, names: Iterable[str]) -> dict[str, Array]:
-        """Variables along time of a slider without blocks, of those that it has, in
-        the rig's units.
+        """Return those of the named time series that a rigid slider has, in the rig's
+        units.
         """
         slider = self.rig.natural.slider
         assert not isinstance(slider, ElasticBody)
@@ -183,16 +182,14 @@ class Recording:
         }
 
     def longer(self, duration: float) -> Recording:
-        """The run gone on with to a duration, at the speed that its drive ends with:
-        by a piece more.
-        """
+        """Return the run continued to a duration, at the final speed of its drive."""
         drive = self.rig.drive
         return self.then(constant(drive.pieces[-1].end, duration - drive.duration))
 
     def then(
         self, more: Drive, progress: Progress | None = None, state: bool = False
     ) -> Recording:
-        """The run gone on with along a drive more; whether it keeps its `state`."""
+        """Return the run continued along another drive; `state` is as in `Output`."""
         engine = self.engine.copy()
         interval = sample_interval(self.rig, engine.angle)
         rig = replace(
@@ -215,8 +212,9 @@ def record(
     long: bool = False,
     estimated: bool = True,
 ) -> Recording:
-    """Run a rig, as `simulate` does, whose arguments these are; a search that counts
-    its runs has none of them `estimated`.
+    """Run a rig, with arguments as in `simulate`.
+
+    A search that counts its runs passes ``estimated=False`` to skip the estimate.
     """
     case = rig.natural
     _check(case)
@@ -246,7 +244,7 @@ def record(
 def _gone_on(
     rig: Rig, run: xr.Dataset, progress: Progress | bool | None, long: bool
 ) -> Recording:
-    """Go on from the end of a run, along the drive of a rig that is else the same."""
+    """Continue a run along the drive of a rig that is otherwise the same."""
     before = rig_of(run)
     changed = ("drive", "output", "start", "operation", "name")
     alike = replace(rig, **{name: getattr(before, name) for name in changed})
@@ -271,30 +269,32 @@ def _gone_on(
 
 
 def estimate(rig: Rig) -> Work:
-    """Return what a run of a rig would take; `InputError` if no solver takes it."""
+    """Return the work of a run of a rig; `InputError` if no solver supports it."""
     engine = engine_of(rig.interface, rig.method, rig.slider)
     _check_drive(rig, engine)
     costed = _with_velocities(rig)
     parts = engine.cost(costed, rig.method, course_of(costed))
     work = Work(rig=rig, parts=parts)
-    if work.bytes > LARGEST:  # as arrays of all blocks are, by which samples are chosen
+    if work.bytes > LARGEST:  # the choice of samples would need arrays as large
         return work
     others = *pieces_and_looks(rig, engine.piece), sampling(rig, engine.angle)
     return replace(work, parts=work.parts + others)
 
 
 def _with_velocities(rig: Rig) -> Rig:
-    """Return a rig whose contacts break as often, at most: with the velocity of a free
-    mass in place of a force, and a longer way in place of a smaller load.
+    """Return a rig with a drive by velocity whose contacts break at least as often.
+
+    A force is replaced by the velocity that it gives a free mass, and a smaller load by
+    a longer path.
     """
     drive = rig.drive
     least = min((point.load for point in drive.load), default=1.0)
     if drive.force:
         largest = max(abs(f) for each in drive.force for f in (each.start, each.end))
         slider = rig.slider
-        # in free flight, and at most as fast as damping allows
+        # the velocity of free flight, at most that which damping allows
         fastest = largest / slider.mass / max(slider.damping, 1.0 / drive.duration)
-        with suppress(InputError):  # not known where contacts age
+        with suppress(InputError):  # static friction is not known where contacts age
             fastest *= largest > least * static_friction(rig.interface)[0]
         drive = ramp(0.0, fastest, drive.duration)
     slower = converted(drive, lambda x, unit: x / least if unit == "x_s/time" else x)
@@ -323,10 +323,10 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
     Parameters
     ----------
     run : xarray.Dataset
-        Of `simulate`, as it was or from a file.
+        A run of `simulate`, as returned or from a file.
     progress : bool or callable, optional
-        True for a bar, or a function that is called with the fraction of the drive that
-        is done.
+        True for a progress bar, or a function that is called with the completed
+        fraction of the drive.
 
     Returns
     -------
@@ -347,8 +347,8 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
 
 
 def rig_of(run: xr.Dataset) -> Rig:
-    """Return the rig that a run was made of, with its method, start and output;
-    `InputError` without provenance.
+    """Return the rig of a run, with its method, start and output; `InputError` without
+    provenance.
     """
     content = store.read_provenance(run)
     if content["call"] != "simulate":
@@ -394,14 +394,14 @@ def _check(rig: Rig) -> None:
 
 _LOADED = {"newborn", "slip_to_slip_scatter", "on_arrest", "ageing"}
 _SCALED = TabulatedGrowth | ExponentialGrowth | None
-"""Mechanisms whose forces and lengths are all in proportion to a threshold, and kinds
-of ageing, from nothing.
+"""Mechanisms that a load may act on, as all their forces and lengths are proportional
+to a threshold, and the types of ageing, from zero strength, for which this holds.
 """
 
 
 def _check_drive(rig: Rig, engine: type[Engine]) -> None:
-    """Raise `InputError` for a load or a force that cannot be taken, or a force on a
-    spring.
+    """Raise `InputError` for a load or a force that the engine does not support, or a
+    force on a spring.
     """
     drive = rig.drive
     if bool(drive.force) != isinstance(rig.slider, Mass):
@@ -426,11 +426,11 @@ def _check_drive(rig: Rig, engine: type[Engine]) -> None:
 
 
 def _check_arrest(rig: Rig) -> None:
-    """Raise `InputError` for a hold in which a slider comes to rest without a turn that
-    the method could see.
+    """Raise `InputError` for a hold in which a slider creeps to rest, so that the
+    method detects no arrest.
 
-    A free slider overshoots by ``exp(-pi zeta/sqrt(1 - zeta^2))`` of its way, and by
-    nothing from ``zeta = 1`` on.
+    A free slider overshoots by ``exp(-pi zeta/sqrt(1 - zeta^2))`` of its displacement,
+    and not at all from ``zeta = 1`` on.
     """
     slider = rig.slider
     method = rig.method
@@ -469,8 +469,8 @@ def _sample_times(rig: Rig, angle: float) -> Array:
             f"{duration / 5e7:g}"
         )
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
-    # The sample of a seam lies on it, rounding aside, as the last one does on the end:
-    # a run that goes on has the same as one in one piece.
+    # A sample at the joint of two pieces lies on it exactly, as the last one does on
+    # the end: a continued run has the same samples as one made in one piece.
     seams = np.cumsum([piece.duration for piece in rig.drive.parts])
     near = np.minimum(np.rint(seams / interval).astype(int), times.size - 1)
     on = np.abs(times[near] - seams) <= 1e-12 * seams

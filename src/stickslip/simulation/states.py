@@ -1,7 +1,7 @@
-"""States of engines in Datasets: what a run goes on from.
+"""States of engines, stored in Datasets so that a run can be continued.
 
 A state is pickled. As a file may come from anywhere, only arrays, random generators and
-records of the rooms that engines are made of are read back.
+records from the packages that engines use are read back.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _NUMPY = frozenset(
 
 
 def keep(run: xr.Dataset, state: object) -> xr.Dataset:
-    """Return the run with a state."""
+    """Return the run with a state added."""
     content = np.frombuffer(pickle.dumps(state, protocol=5), np.uint8)
     words = {"units": "1", "long_name": "state of the engine, for simulate(start=run)"}
     return run.assign({NAME: ("byte", content, words)})
 
 
 def kept(run: xr.Dataset) -> Any:
-    """Return the state that a run keeps; `InputError` if there is none to be read."""
+    """Return the state stored in a run; `InputError` if there is none to be read."""
     if NAME not in run:
         raise InputError(
             "simulate: start: the run keeps no state to go on from; make it with "
@@ -58,7 +58,7 @@ def kept(run: xr.Dataset) -> Any:
         return _Unpickler(content, store.records().values()).load()
     except InputError:
         raise
-    except Exception as error:  # what is damaged, or of another version, raises any
+    except Exception as error:  # a damaged file, or of another version, raises anything
         raise InputError(
             f"simulate: start: its state cannot be read ({type(error).__name__}): it "
             "is damaged or of another version; make the run again"
@@ -66,14 +66,14 @@ def kept(run: xr.Dataset) -> Any:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads what engines are made of, and nothing else."""
+    """Unpickler for the classes that engines are made of, and no others."""
 
     def __init__(self, file: io.BytesIO, guests: Collection[type]) -> None:
         super().__init__(file)
         self._guests = {(kind.__module__, kind.__qualname__): kind for kind in guests}
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return a class by its name, if it may be read."""
+        """Return a class by its name, if it is allowed."""
         if guest := self._guests.get((module, name)):
             return guest
         package, _, rest = module.partition(".")

@@ -1,4 +1,4 @@
-"""The two experiments of rate and state, on contacts: velocity steps, and
+"""The two experiments of rate-and-state friction on contacts: velocity steps, and
 slide-hold-slide.
 """
 
@@ -30,7 +30,7 @@ from stickslip.simulation.result import with_label
 if TYPE_CHECKING:
     import xarray as xr
 
-# part of the distance that is slid at the velocity before a step, and recorded
+# fraction of the distance that is slid, and recorded, before the step
 _APPROACH = 0.05
 
 
@@ -44,41 +44,41 @@ def velocity_step(
     method: Method | None = None,
     points: int = 2000,
 ) -> xr.Dataset:
-    """Change the velocity in steady sliding at once, and record the friction force.
+    """Change the velocity suddenly in steady sliding, and record the friction force.
 
-    The slider has no mass. It is rigidly driven or, with a finite `stiffness`, pulled
-    by a spring, with which it is in balance at every moment.
+    The slider has no mass. It is driven rigidly or, with a finite `stiffness`, by a
+    spring with which it is in balance at every moment.
 
     Parameters
     ----------
     rig : Rig or Interface
-        Of a rig its contacts, its method and its units are taken.
+        The contacts, the method and the units.
     before, after : float or str
         Velocities of the drive, above 0, in the units of the rig (or as text,
         ``"10 um/s"``).
     distance : float or str
-        How far the drive goes after the step, above 0, in the units of the rig.
+        Travel of the drive after the step, above 0, in the units of the rig.
     stiffness : float or str
-        Of the driving spring, above 0: per contact in ``k``, or in the units of the
-        rig; infinite for none.
+        Stiffness of the driving spring, above 0: per contact in ``k``, or in the units
+        of the rig; infinite for a rigid drive.
     method : Contacts, MasterEquation or Population, optional
-        By default the rig's own; for an interface the master equation. Whatever it
-        takes, it takes here; a spring needs a temperature, or `MasterEquation` with
-        thresholds that grow.
+        By default the rig's own; for an interface the master equation. Any interface
+        that the method supports is allowed; a spring requires thermal activation, or
+        `MasterEquation` with thresholds that grow.
     points : int
-        Samples after the step.
+        Number of samples after the step.
 
     Returns
     -------
     xarray.Dataset
-        On ``time``, 0 at the step: ``friction_force`` (which is that of the spring),
+        On ``time``, 0 at the step: ``friction_force`` (equal to the spring force),
         ``displacement`` and ``velocity`` of the slider, 0 at the step, ``attached``,
         ``drive_velocity``. It begins a twentieth of the distance before the step.
 
     Raises
     ------
     InputError
-        If a number cannot be, or the method cannot take the interface.
+        If a number is out of bounds, or the method does not support the interface.
 
     Examples
     --------
@@ -144,24 +144,25 @@ def slide_hold_slide(
     stiffness: float | str = math.inf,
     method: Method | None = None,
 ) -> xr.Dataset:
-    """Stop the drive in steady sliding for a time, go on, and return how the force
-    relaxes and how far it peaks.
+    """Stop the drive in steady sliding for a time and restart it; return how much the
+    force relaxes and how high it peaks.
 
     Parameters
     ----------
     rig : Rig or Interface
-        Of a rig its contacts, its method and its units are taken.
+        The contacts, the method and the units.
     velocity : float or str
-        Of the drive before and after, above 0, in the units of the rig.
+        Velocity of the drive before and after the hold, above 0, in the units of the
+        rig.
     holds : sequence of float or str
-        Times of rest, each above 0, in the units of the rig; of any length. Each begins
+        Durations of the holds, each above 0, in the units of the rig. Each hold begins
         in the same steady sliding.
     stiffness : float or str
-        Of the driving spring, as in `velocity_step`.
+        Stiffness of the driving spring, as in `velocity_step`.
     method : Contacts, MasterEquation or Population, optional
-        By default the rig's own; for an interface the master equation. Whatever it
-        takes, it takes here; a spring needs a temperature, or `MasterEquation` with
-        thresholds that grow.
+        By default the rig's own; for an interface the master equation. Any interface
+        that the method supports is allowed; a spring requires thermal activation, or
+        `MasterEquation` with thresholds that grow.
 
     Returns
     -------
@@ -175,7 +176,7 @@ def slide_hold_slide(
     Raises
     ------
     InputError
-        If a number cannot be, or the method cannot take the interface.
+        If a number is out of bounds, or the method does not support the interface.
 
     Examples
     --------
@@ -215,8 +216,8 @@ def slide_hold_slide(
     steady = float(before["friction_force"].mean())
     at_end = float(before["friction_force"][-1])
     origin += mean
-    # As far as the memory of a hold goes, and what the spring takes up of the largest
-    # force meanwhile.
+    # far enough for the memory of a hold to decay, and for the spring to take up the
+    # largest force
     way = 2.0 * mean
     count = 8001
     rows = []
@@ -258,7 +259,7 @@ def slide_hold_slide(
 
 
 def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
-    """Return the rig to take contacts, units and method of; an interface alone has
+    """Return the rig that gives contacts, units and method; an interface alone has
     natural units.
     """
     instance(f"{who}: rig", given, (Rig, Interface), "a Rig or an Interface")
@@ -278,8 +279,8 @@ def _sliding(
     who: str,
     stiffness: float | str,
 ) -> tuple[Engine, float, float]:
-    """Return an engine in steady sliding, where the drive is, and the stiffness of
-    its spring.
+    """Return an engine in steady sliding, the position of the drive, and the stiffness
+    of its spring.
     """
     slider = None
     spring = math.inf
@@ -290,7 +291,7 @@ def _sliding(
         growing = isinstance(rig.method, MasterEquation) and isinstance(
             interface.ageing, FixedGrowth
         )
-        # without mass it would slip in no time
+        # without mass it would slip in zero time
         if interface.activation is None and not growing:
             raise InputError(
                 f"{who}: Interface.activation = None: not available with a spring "

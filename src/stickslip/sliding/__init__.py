@@ -1,8 +1,8 @@
-"""Steady sliding of any interface, by `sliding_of`: force, slope and linear
-response.
+"""Steady sliding of any interface: force, slope and linear response, by `sliding_of`.
 
-`kinetic_friction`, `friction_slope` and `turning_velocities` are the friction law; the
-linear response `respond` carries the stability of smooth sliding, and rate and state.
+`kinetic_friction`, `friction_slope` and `turning_velocities` describe the friction law;
+the linear response, by `respond`, gives the stability of smooth sliding and the
+rate-and-state law.
 """
 
 from stickslip.sliding.curve import FrictionCurve, friction_curve

@@ -1,18 +1,19 @@
-"""Steady sliding of contacts that break by temperature, or whose thresholds grow by a
-fixed rule.
+"""Steady sliding of contacts that break by thermal activation, or whose thresholds grow
+by a fixed rule.
 
-A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by its
-rate's slope along its life, and moves the moment at which it meets its threshold. With
-``q = s/v``, ``S`` the survival and ``r`` the rate per length,
+A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by the
+slope of its rate along its life, and shifts the time at which it meets its threshold.
+With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
 
-    U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx', Rc = Int_0^x r_x dx' L = <Int (U -
-    exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>, Y the same with x
-    before it B = q E L/(1 - E (1 - q S^)) kappa = [M_0 - S^ + B W - Y - f_d (B S^ -
-    L)]/(M_0 + v <tau>)
+    U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
+    L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>
+    Y = L with a factor x before each S
+    B = q E L/(1 - E (1 - q S^))
+    kappa = [M_0 - S^ + B W - Y - f_d (B S^ - L)]/(M_0 + v <tau>)
 
 per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of
-``x`` times it, ``E(s) = <exp(-s tau)>``. Without temperature and growth it is the
-response of `stickslip.sliding.unaged`.
+``x`` times it, ``E(s) = <exp(-s tau)>``. Without thermal activation and growth this is
+the response of `stickslip.sliding.unaged`.
 """
 
 import math
@@ -46,12 +47,12 @@ from stickslip.sliding.response import (
 from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
 
 _TABLE = 1e-5  # relative error of the table
-# a mean life that is shorter, over the longest: few contacts outlive their attachment
+# mean life over the longest, below which few contacts outlive their attachment
 _SHORT = 1e-4
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean life of contacts that break by temperature, or whose
+    """Return the mean life of contacts that break by thermal activation, or whose
     thresholds grow by a fixed rule.
     """
     lifetimes = lifetimes_of(interface, velocity)
@@ -64,14 +65,14 @@ def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
 
 
 def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean lifetimes of contacts of different areas: of each area, or of
-    all if newborns draw a new one.
+    """Return the mean lifetimes of contacts of different areas: for each area, or for
+    all together if newborns draw a new area.
     """
     hazard = hazard_of(interface.activation)
-    # the root of a small area is steep
+    # small areas need fine panels, as the root is steep there
     node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])
-    stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
-    # Without temperature the speed does not matter to a life.
+    stiffness = np.sqrt(node)  # which is also the stretching of the break
+    # Without thermal activation a life does not depend on the speed.
     lifetimes = kernel.march(
         hazard,
         growth_of(None),
@@ -94,7 +95,7 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
         stiffness * of_each(lifetimes.x * value)
         for value in (lifetimes.survival, lifetimes.slope)
     )
-    if not interface.keeps_areas:  # one kind of site, with the mean life
+    if not interface.keeps_areas:  # one kind of contact, with the mean life
         return MeanLifetimes(
             *np.array(
                 [[weight @ value for value in (distance, work, longer, more)] + [1.0]]
@@ -104,8 +105,8 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
 
 
 class ActivatedResponse(TabulatedResponse):
-    """The linear response of contacts with temperature or with thresholds that grow
-    by a fixed rule.
+    """The linear response of contacts with thermal activation or with thresholds that
+    grow by a fixed rule.
     """
 
     accuracy: ClassVar[float] = 1e-8
@@ -145,8 +146,8 @@ class ActivatedResponse(TabulatedResponse):
         )
 
     def transforms(self, velocity: float, q: ComplexArray) -> ComplexArray:
-        """Transforms of a perturbed life, as `perturbed` takes them."""
-        # Octaves of the wave number have panels of their own.
+        """Transforms of a perturbed life, in the form of `perturbed`."""
+        # Each octave of wave numbers has its own panels.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
         octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
         found = np.empty((4, q.size), dtype=complex)
@@ -161,13 +162,13 @@ class ActivatedResponse(TabulatedResponse):
 
     @property
     def _fastest(self) -> float:
-        """Wave number beyond which all is forgotten."""
+        """Wave number beyond which contacts have no memory."""
         mean = self.interface.threshold_distribution.moment(1)
         return max(60.0 / self._std, 400.0 / mean)
 
     @cached_property
     def _std(self) -> float:
-        """Standard deviation of the stretchings at which contacts break, about."""
+        """Approximate standard deviation of the stretchings at which contacts break."""
         std = self.interface.threshold_distribution.standard_deviation()
         heat = self.interface.activation
         blur = math.pi / math.sqrt(6.0) * heat.width if isinstance(heat, Bell) else 0.0
@@ -178,7 +179,7 @@ class ActivatedResponse(TabulatedResponse):
 
     def wave_numbers(self, away: float, most: int) -> Array:
         thresholds = self.interface.threshold_distribution
-        # The largest stretching, but for one contact in a thousand.
+        # the largest stretching, except for one contact in a thousand
         reach = float(thresholds.inverse_survival(np.array(1e-3))) + away
         top = max(12.0 / self._std, 60.0 / thresholds.moment(1))
         step = max(STEP / reach, top / most)
@@ -202,7 +203,9 @@ class ActivatedResponse(TabulatedResponse):
 def _life_table(
     response: ActivatedResponse, velocity: float
 ) -> "CubicSpline[np.complex128]":
-    """Return the lives at a speed over the logarithm of the wave number."""
+    """Return the transforms of a life at a speed over the logarithm of the wave
+    number.
+    """
 
     def at(u: Array) -> ComplexArray:
         return response.transforms(velocity, 1j * np.exp(u))

@@ -1,10 +1,10 @@
-"""The interface behind a measured friction curve.
+"""The contacts that explain a measured friction curve.
 
 A contact whose threshold grows with its age as ``s g(t)`` breaks at the age at which
 ``v t = s g(t)``, so that friction in steady sliding is ``F(v) = v <t^2>/(2 <t>)`` per
-contact. Of contacts that are all alike that is ``v t/2``: the curve is the growth,
-``t = 2F/v`` and ``g = 2F``; ``t`` falls with ``v`` wherever friction does. Of others
-the strengths ``g`` at such ages are found by least squares.
+contact. For identical contacts this is ``v t/2``, and the curve gives the growth
+directly: ``t = 2F/v`` and ``g = 2F``; ``t`` falls with ``v`` wherever friction does.
+For contacts that scatter, the strengths ``g`` at these ages are found by least squares.
 """
 
 from collections.abc import Sequence
@@ -28,37 +28,37 @@ from stickslip.words import number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_EXACT = 1e-9  # of the friction: error of the growth at the points
-_CLOSE = 1e-2  # and beyond four errors: what is finer no bench resolves
-_STEEPEST = 0.1  # least of ``1 - d ln g/d ln t`` that is looked for
-_MOST_STEPS = 50  # some ten are usual
-_HALVINGS = 30  # of a step
-_SMALLEST = 1e-6  # of the friction: errors that are smaller are those of arithmetic
+_EXACT = 1e-9  # relative error of the friction at the points
+_CLOSE = 1e-2  # relative misfit beyond four errors that no experiment resolves
+_STEEPEST = 0.1  # smallest ``1 - d ln g/d ln t`` that is considered
+_MOST_STEPS = 50  # about ten are usual
+_HALVINGS = 30  # most halvings of a step
+_SMALLEST = 1e-6  # of the friction: smaller errors are errors of arithmetic
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FrictionCurve(Answer):
     """The contacts that give a measured friction curve, in natural units per contact.
 
-    A curve alone does not distinguish growth from a delay where both fit, and these
-    move otherwise: a hold does (after longer holds contacts that grow are
-    stronger), or a velocity step.
+    A curve alone does not distinguish growth from a delay where both fit. The two
+    differ in other motion: in a hold (contacts that grow are stronger after a longer
+    one) or in a velocity step.
     """
 
     measured: MeasuredFriction
-    #: contacts whose thresholds grow with age: the curve goes through the points
+    #: contacts whose thresholds grow with age, fitted to the points
     interface: Interface
-    #: force per velocity, of a rise that no contacts make: a damping of the slider
+    #: force per velocity of a rise that contacts cannot give: a damping of the slider
     viscosity: float
     residual: tuple[float, ...]  #: measured friction less that of `interface`
-    #: contacts that are detached for a while after they break, ``f_d + (F_0 - f_d)/(1 +
-    #: v/v_half)``, if these fit within the errors
+    #: contacts with a delay, ``f_d + (F_0 - f_d)/(1 + v/v_half)``, if these fit within
+    #: the errors
     delayed: Interface | None
-    #: force of these contacts, over `kinetic_friction` of `delayed`: their strength
+    #: factor on `kinetic_friction` of `delayed` that gives the force: their strength
     delayed_strength: float
 
     def friction(self, velocity: Array) -> Array:
-        """Return the friction of `interface` and the viscous force at a velocity."""
+        """Return the friction of `interface` plus the viscous force at a velocity."""
         return _friction(self.interface, self.viscosity, velocity)
 
     def __str__(self) -> str:
@@ -82,13 +82,13 @@ class FrictionCurve(Answer):
         return "\n".join(lines)
 
     def plot(self) -> "Figure":
-        """Draw points, law and residual."""
+        """Draw points, fitted law and residual."""
         import matplotlib.style
         from matplotlib.figure import Figure
 
         measured = self.measured
         v = np.geomspace(measured.velocities[0], measured.velocities[-1], 200)
-        # by its name: pictures are of a higher layer
+        # the style is found by name, as plotting is a layer above
         with matplotlib.style.context("stickslip.plot.house"):
             figure = Figure(figsize=(3.5, 3.2), layout="constrained")
             law, rest = figure.subplots(2, sharex=True, height_ratios=(3, 1))
@@ -111,38 +111,38 @@ def friction_curve(
 ) -> FrictionCurve:
     """Return the contacts that give a measured friction curve in steady sliding.
 
-    Friction that falls with velocity is that of contacts whose thresholds grow with
-    age, `stickslip.model.TabulatedGrowth`; what rises after it fell is a viscous force
-    on the slider, the least that leaves no rise.
+    Friction that falls with velocity is explained by contacts whose thresholds grow
+    with age, `stickslip.model.TabulatedGrowth`; a later rise by a viscous force on the
+    slider, the smallest that leaves no rise.
 
     Parameters
     ----------
     points : sequence
         Points ``(velocity, friction)`` or ``(velocity, friction, error)`` in any order,
         the velocity in ``x_s`` per time, friction and its standard error per contact in
-        ``f_s``. Errors that are not given are those of rounding to the last digit of
-        any friction. (A rig file takes them in SI units: ``interface.friction``.)
+        ``f_s``. A missing error is that of rounding to the last digit of any friction.
+        (A rig file takes them in SI units: ``interface.friction``.)
     thresholds : Distribution, optional
         Distribution of ``s``, by default a Gaussian of mean 1 and standard deviation
-        0.1: the static peak after a hold says how wide it is.
+        0.1; the static peak after a hold shows its width.
 
     Returns
     -------
     FrictionCurve
-        With the interface, whose `kinetic_friction` at the points is the friction
-        measured less the viscous force.
+        Its interface has a `kinetic_friction` at the points equal to the measured
+        friction less the viscous force.
 
     Raises
     ------
     InputError
-        If friction rises by more than its errors where no viscous force makes it so,
-        or no growth of such thresholds gives the curve; with the residual.
+        If friction rises by more than its errors where no viscous force explains it, or
+        if no growth of these thresholds gives the curve; the message has the residual.
 
     Notes
     -----
-    The friction of contacts that grow is ``v <t^2>/(2 <t>)``, ``t`` the age at which
-    they break. A delay that is drawn for each life counts by its mean only, and makes
-    one curve, ``f_d + (F_0 - f_d)/(1 + v/v_half)``.
+    The friction of contacts that grow is ``v <t^2>/(2 <t>)``, with ``t`` the age at
+    which they break. A delay that is drawn for each life matters only by its mean, and
+    gives one curve, ``f_d + (F_0 - f_d)/(1 + v/v_half)``.
 
     Examples
     --------
@@ -158,7 +158,9 @@ def friction_curve(
 
 @lru_cache(maxsize=64)
 def curve_of(measured: MeasuredFriction, thresholds: Distribution) -> FrictionCurve:
-    """Return the contacts behind a measured curve, one and the same for equal ones."""
+    """Return the contacts that explain a measured curve; equal curves share one
+    result.
+    """
     v, force, error = np.array([measured.velocities, measured.forces, measured.errors])
     error = np.maximum(error, 1e-9 * force)
     viscosity = _viscosity(v, force, error)
@@ -183,7 +185,7 @@ def _friction(interface: Interface, viscosity: float, velocity: Array) -> Array:
 
 
 def _falling(force: Array, error: Array) -> Array:
-    """Friction nearest to that measured that does not rise with velocity."""
+    """Friction nearest to the measured one that does not rise with velocity."""
     from scipy.optimize import isotonic_regression
 
     found = isotonic_regression(force, weights=error**-2.0, increasing=False)
@@ -191,8 +193,10 @@ def _falling(force: Array, error: Array) -> Array:
 
 
 def _viscosity(v: Array, force: Array, error: Array) -> float:
-    """Least viscous force per velocity without which friction rises by no more than its
-    errors: chi squared is the number of points, and one above the least possible.
+    """Smallest viscous force per velocity without which friction rises by no more than
+    its errors.
+
+    That is where chi squared equals the number of points, or exceeds its minimum by 1.
     """
     from scipy import optimize
 
@@ -202,8 +206,8 @@ def _viscosity(v: Array, force: Array, error: Array) -> float:
 
     if misfit(0.0) <= v.size:
         return 0.0
-    # Friction is above 0 without it, too. The misfit is the distance to a convex cone,
-    # and convex.
+    # Friction less the viscous force must stay above 0. The misfit is the distance to a
+    # convex cone, and so convex in the viscosity.
     most = float(np.min(force / v)) * (1.0 - 1e-9)
     best = float(
         optimize.minimize_scalar(
@@ -234,7 +238,7 @@ def _growth(
     error: Array,
     thresholds: Distribution,
 ) -> TabulatedGrowth:
-    """Growth of thresholds that gives friction at velocities that rise, by least
+    """Growth of thresholds that gives friction at increasing velocities, by least
     squares.
     """
     from stickslip.sliding.lifetimes import threshold_nodes  # numba, which takes 1 s
@@ -242,15 +246,16 @@ def _growth(
     positive = Interface(thresholds=thresholds).threshold_distribution
     m1, m2, m3 = (positive.moment(order) for order in (1, 2, 3))
     nodes = threshold_nodes(positive, 0.01, [])
-    # The slowest point is that of the oldest contacts.
+    # reversed, as the slowest point has the oldest contacts
     strength = np.log(2.0 * force * m1 / m2)[::-1]
-    # Of weak contacts more is less friction: it depends on strengths about this one.
+    # More strength of weak contacts lowers friction: on average friction depends on the
+    # growth about this age.
     age = strength + np.log(m1 / m2 * (2.0 * m3 / m2 - m2 / m1) / v)[::-1]
     age, strength, whole = _nodes(age, strength, positive.standard_deviation() / m1)
 
     def moved(start: Array, step: Array) -> tuple[TabulatedGrowth, Array]:
-        """Growth with strengths a step below a start, and these; a part of the step
-        where that would be too steep.
+        """Growth with strengths one step below `start`, and these strengths; the step
+        is halved where the growth would be too steep.
         """
         for _ in range(_HALVINGS):
             with suppress(InputError):
@@ -284,12 +289,12 @@ def _growth(
 
 
 def _nodes(age: Array, strength: Array, scatter: float) -> tuple[Array, Array, Array]:
-    """Ages of a table, strengths at some of them, and how those at all follow, linearly
-    in the logarithms in which all are.
+    """Ages of a table, strengths at some of them, and the matrix that gives all
+    strengths from these, linear in the logarithms that all three are in.
 
-    Contacts of strengths that scatter by a fraction break at ages that scatter by that
-    over ``1 - d ln g/d ln t``: no two ages are nearer. The growth between the first two
-    goes on to two standard deviations before.
+    Contacts whose strengths scatter by a fraction break at ages that scatter by that
+    fraction over ``1 - d ln g/d ln t``: ages of the table are at least as far apart.
+    The growth between the first two is extrapolated by two standard deviations.
     """
     rise = np.diff(strength) / np.diff(age)
     apart = scatter / np.maximum(1.0 - np.append(rise, rise[-1]), _STEEPEST)
@@ -310,11 +315,11 @@ def _nodes(age: Array, strength: Array, scatter: float) -> tuple[Array, Array, A
 
 
 def _slopes(growth: TabulatedGrowth, nodes: tuple[Array, Array], v: Array) -> Array:
-    """Slopes of the logarithm of friction at each velocity in those of the strengths of
-    a table, as if these were joined by straight lines, shape (n, m).
+    """Derivatives of the logarithm of friction at each velocity by those of the
+    strengths of a table, as if these were joined by straight lines, shape (n, m).
 
-    A threshold that is larger by a fraction at the age of the break is met farther by
-    that over ``1 - s g'/v``.
+    A threshold that is larger by a fraction at the age of the break is met at a
+    stretching that is larger by that fraction over ``1 - s g'/v``.
     """
     from stickslip.kernels.lifetimes import reach
     from stickslip.kernels.lifetimes import rule as grown_at
@@ -337,8 +342,8 @@ def _slopes(growth: TabulatedGrowth, nodes: tuple[Array, Array], v: Array) -> Ar
 def delay_of(
     measured: MeasuredFriction, thresholds: Distribution
 ) -> tuple[Interface | None, float]:
-    """Contacts with a delay that give a curve within its errors, if some do, and their
-    strength.
+    """Contacts with a delay that give a curve within its errors, if there are any, and
+    their strength.
     """
     from scipy.optimize import minimize_scalar, nnls
 
@@ -346,7 +351,7 @@ def delay_of(
     error = np.maximum(error, _SMALLEST * force)
 
     def parts(log_half: float) -> tuple[Array, Array]:
-        """Force of detached contacts and what slow friction has above it; residual."""
+        """Force of detached contacts, excess of slow friction over it; and residual."""
         shape = 1.0 / (1.0 + v / np.exp(log_half))
         columns = np.stack([np.ones_like(v), shape], axis=1) / error[:, None]
         both, _ = nnls(columns, force / error)
@@ -355,7 +360,7 @@ def delay_of(
     def misfit(log_half: float) -> float:
         return float(np.sum(parts(log_half)[1] ** 2))
 
-    # The misfit may have several minima: begin between two neighbours of the least.
+    # The misfit may have several minima: search between both neighbours of the lowest.
     places = np.linspace(np.log(v[0]) - 5.0, np.log(v[-1]) + 5.0, 100)
     least = int(np.argmin([misfit(place) for place in places]))
     ends = places[max(least - 1, 0)], places[min(least + 1, places.size - 1)]

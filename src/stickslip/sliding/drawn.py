@@ -1,16 +1,17 @@
-"""The linear response and the noise of contacts that draw, for each life, the
-stretching at which they attach, or their area.
+"""The linear response and the noise of contacts that draw, for each life, their area or
+the stretching at which they attach.
 
-While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its
-attachment: newborns stretched by ``a``, or contacts of the area ``b**2``. Without
-ageing and temperature a life depends on it alone, so that
+While attached, such a contact pulls with ``f = a + b x`` at the distance ``x`` from its
+attachment: newborns are stretched by ``a``, contacts of the area ``b**2`` have the
+stiffness ``b``. Without ageing and thermal activation a life depends on this distance
+alone, so that
 
-    kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]/[(<l> + v <tau>) (1 - E
-    P^)]
+    kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]
+               / [(<l> + v <tau>) (1 - E P^)]
 
-per contact, as of equal contacts; `l` is the distance to the break and ``P^`` its
-transform. Integrals over a life are sums over panels, with what is left of the
-contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
+per contact, as for equal contacts; `l` is the distance to the break and ``P^`` its
+transform. Integrals over a life are sums over panels, with the remaining contacts, and
+the sums of their `a`, `b`, ``a f`` and ``b f``, at the nodes.
 """
 
 import math
@@ -36,43 +37,43 @@ from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
 
 # wave number times the standard deviation, beyond which a life leaves no memory
 _FINEST = 25.0
-# longest life over the standard deviation: seconds to compute, once for an interface
+# longest life over the standard deviation; it takes seconds, once for an interface
 _NARROWEST = 150.0
-_NODES = 16  # of a panel
-_PHASE = 10.0  # that a wave may turn on one
-_TABLE = 1e-6  # relative error of their table, below that of a scan
+_NODES = 16  # nodes of a panel
+_PHASE = 10.0  # largest phase (rad) of a wave over a panel
+_TABLE = 1e-6  # relative error of the table of lives, below that of a scan
 
 
 class Lives(NamedTuple):
-    """Fractions of contacts left after a distance: of their number, and of their `f`,
-    `a`, `b`, ``a f`` and ``b f``.
+    """Fractions of contacts that remain at a distance: of their number, and of their
+    `f`, `a`, `b`, ``a f`` and ``b f``.
     """
 
     held: Array
-    """At nodes, times the weights of these, shape (n, 6)."""
+    """Fractions at nodes, times the weights of these, shape (n, 6)."""
     newborn: Array
-    """Of newborns, and its slope in the distance, shape (2, 6)."""
+    """Fractions at distance 0, and their derivatives by distance, shape (2, 6)."""
     x: Array
     """Nodes, shape (n,)."""
     highest: float
-    """Wave number that the nodes resolve; a faster perturbation finds newborns
-    alone.
+    """Wave number that the nodes resolve; the response at higher ones depends on
+    newborns alone.
     """
     unbroken: int
-    """Panels at the beginning in which none of stretched newborns breaks."""
+    """Number of first panels in which no stretched newborn breaks."""
 
 
 @lru_cache(maxsize=32)
 def lives_of(interface: Interface) -> Lives:
     """Return the lives of contacts that draw their areas, or their stretchings at
-    birth.
+    attachment.
     """
     thresholds = interface.threshold_distribution
     newborn = interface.newborn
     largest = float(thresholds.inverse_survival(1e-8))
     knots = np.array(thresholds.knots)
     if newborn is None:
-        # by quadrature, of roots as well
+        # by quadrature, which also allows fractional orders
         beyond: Any = partial(Distribution.partial_moment, thresholds)
         std = math.sqrt(thresholds.moment(1) - float(beyond(0.0, 0.5)) ** 2)
         end = math.sqrt(largest)
@@ -132,8 +133,8 @@ def lives_of(interface: Interface) -> Lives:
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6).
 
-    Until the first contact breaks the force rises linearly: short waves are integrated
-    there in closed form.
+    Until the first contact breaks the force rises linearly, and short waves are
+    integrated there in closed form.
     """
     first = _NODES * lives.unbroken
     end = float(lives.x[first - 1] + lives.x[0]) if first else 0.0
@@ -152,7 +153,7 @@ def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
 
 def _summed(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6)."""
-    parts = np.array_split(q, q.size // 128 + 1)  # no more in memory at once
+    parts = np.array_split(q, q.size // 128 + 1)  # to bound the memory
     panels = lives.x.reshape(-1, _NODES)
     starts = panels[:, 0]
     offsets = panels - starts[:, None]
@@ -160,12 +161,13 @@ def _summed(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
         return np.concatenate(
             [np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts]
         )
-    # panels alike: exp(-q x) is a product of the panel and of the node in it
+    # equal panels: exp(-q x) is a product of one factor of the panel and one of the
+    # node
     held = lives.held.reshape(starts.size, -1).astype(complex)
     sums = []
     for part in parts:
         before = np.exp(-np.multiply.outer(part, starts))
-        # without the threads of a matrix product, which wait for one another
+        # einsum, as the threads of a matrix product would wait for one another
         of_nodes = np.einsum("qp,pk->qk", before, held)
         inside = np.exp(-np.multiply.outer(part, offsets[0]))
         each = of_nodes.reshape(*inside.shape, lives.held.shape[1])
@@ -174,8 +176,8 @@ def _summed(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
 
 
 def response_of_areas(interface: Interface) -> "DrawnResponse":
-    """Return the linear response of contacts that draw their areas; of others raises
-    `InputError`.
+    """Return the linear response of contacts that draw their areas; raises `InputError`
+    for others.
     """
     who = "the linear response of areas"
     interface.allow(interface.mechanisms - {"activation"}, who)
@@ -192,7 +194,7 @@ def response_of_areas(interface: Interface) -> "DrawnResponse":
 
 class DrawnResponse(TabulatedResponse):
     """The linear response of contacts that draw their areas, or their stretchings at
-    birth.
+    attachment.
     """
 
     accuracy: ClassVar[float] = 1e-5
@@ -211,8 +213,8 @@ class DrawnResponse(TabulatedResponse):
         return float(self._lives.held[:, 0].sum())
 
     def life_table(self, velocity: float) -> "CubicSpline[np.complex128]":
-        # Without ageing and temperature, lives are the same waves at all speeds.
-        # Without the table a scan takes up to 3 s, not .4.
+        # Without ageing and thermal activation lives do not depend on the speed.
+        # Without this table a scan takes up to 3 s instead of .4 s.
         del velocity
         return _life_table(self)
 
@@ -264,9 +266,9 @@ class DrawnResponse(TabulatedResponse):
 
 @lru_cache(maxsize=32)
 def _life_table(response: DrawnResponse) -> "CubicSpline[np.complex128]":
-    """Return the lives over the logarithm of the wave number.
+    """Return the transforms of a life over the logarithm of the wave number.
 
-    Of slower waves the noise is a small difference of what is tabulated.
+    It has no slower waves, for which the noise is a small difference of its entries.
     """
     lives = lives_of(response.interface)
     step = STEP / float(lives.x[-1])

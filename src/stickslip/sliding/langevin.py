@@ -3,9 +3,9 @@ response.
 
 The force comes from the stationary kinetic equation of Eqs. (13)-(17), the dynamic
 stiffness from the linearised one, see `stickslip.kernels.langevin_response`; it has no
-closed form. In units of ``rate**2`` it depends on the reduced speed
-``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone. What a life contributes takes some
-ten milliseconds for each reduced speed, and then some ten microseconds for each point.
+closed form. In units of ``rate**2`` it depends only on the reduced speed
+``u = v/(rate**2 f_0)`` and on ``s/rate**2``. The transforms of a life take about ten
+milliseconds for each reduced speed, and about ten microseconds for each further point.
 Delays enter in closed form.
 """
 
@@ -66,9 +66,9 @@ class AgedResponse(Response):
         free = stretched(points, rest - life, work / u, rest, done / u)
         noise = free.noise(points, missing, away, force=0.0)
         noise *= (u * self.constants.mean) ** 2 / self._square
-        # A fast perturbation finds the attached contacts as springs, but for those next
-        # to their thresholds, which diffuse: kappa falls short by C/sqrt(p) + D/p, with
-        # real C and D. Noise falls with the frequency squared.
+        # For a fast perturbation attached contacts are springs, except near their
+        # thresholds, where they diffuse: kappa falls short by C/sqrt(p) + D/p, with
+        # real C and D. Noise falls with the square of the frequency.
         attached = rest / (rest + away)
         short = attached - found[-1]
         first = short.real * np.sqrt(2.0 * abs(top))
@@ -79,8 +79,8 @@ class AgedResponse(Response):
         )
 
     def _highest(self, u: float) -> float:
-        """Frequency, in units of ``rate**2``, up to which the panels of a life
-        resolve a perturbation.
+        """Frequency, in units of ``rate**2``, up to which the panels of a life resolve
+        a perturbation.
         """
         return 25.0 / float(_kept_excursions(u, *self._shape).edges[1])
 
@@ -160,7 +160,7 @@ def force(interface: Interface, velocity: Array) -> Array:
 
 
 def response(interface: Interface) -> AgedResponse:
-    """Return the linear response."""
+    """Return the linear response of thresholds that age by `Langevin`."""
     interface.allow(
         ("ageing",), "the linear response of thresholds that age by Langevin"
     )
@@ -169,7 +169,9 @@ def response(interface: Interface) -> AgedResponse:
 
 @lru_cache(maxsize=64)
 def _kept_excursions(u: float, delta: float, newborn: float) -> Excursions:
-    """The part that is the same at all Laplace variables; takes some milliseconds."""
+    """Return the part of a response that is equal for all Laplace variables; takes
+    some milliseconds.
+    """
     try:
         return excursions(Life(u, delta, newborn))
     except ValueError:
@@ -189,7 +191,7 @@ def _life(
     p: ComplexArray,
 ) -> tuple[ComplexArray, tuple[float, float]]:
     """Transforms of one life, shape (4, n), its mean length (1 for newborns without
-    strength) and work.
+    strength) and its work.
     """
     points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
     parts = life_transforms(_kept_excursions(u, delta, newborn), points)
@@ -204,8 +206,8 @@ def _life(
 def ageing_constants(interface: Interface) -> Constants:
     """Return the constants of the kinetic equation, Eqs. (13)-(17), of an interface.
 
-    Raises `InputError` if thresholds do not age by `Langevin` from a Gaussian, or a
-    delay or a temperature meets newborns without strength.
+    Raises `InputError` if thresholds do not age by `Langevin` from a Gaussian, or if
+    newborns without strength have a delay or thermal activation.
     """
     instance("interface", interface, Interface, "an Interface")
     ageing = interface.ageing

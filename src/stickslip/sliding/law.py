@@ -1,5 +1,5 @@
-"""The friction law of an interface: force over velocity, its slope, and the
-velocities at which it turns.
+"""The friction law of an interface: force over velocity, its slope, and the velocities
+of its minima and maxima.
 """
 
 import math
@@ -15,13 +15,16 @@ from stickslip.model import Interface
 from stickslip.sliding.response import Array
 from stickslip.sliding.steady import sliding_of
 
-# velocities at which the slope is computed; two turning points nearer than that may be
+# velocities per decade at which the slope is computed; two turning points closer than
+# that may be missed
 # missed
 _PER_DECADE = 16
 
 
 def at_each(law: Callable[[Array], Array], speed: Array) -> float | Array:
-    """Return a law of the speed in the shape of `speed`: a number for one speed."""
+    """Evaluate a function of the speed in the shape of `speed`: a number for one
+    speed.
+    """
     found = law(speed.ravel())
     return (
         float(found[0]) if speed.ndim == 0 else np.asarray(found.reshape(speed.shape))
@@ -38,22 +41,22 @@ def kinetic_friction(
     """Return the mean friction force in smooth sliding,
     ``F_k = (k m2/2 + f_d v <tau>)/(m1 + v <tau>)``.
 
-    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq.
-    (10); ``m1, m2`` are the first two moments of the positive distribution of
-    thresholds, ``f_d`` is the force of a detached contact. Exact for any distribution
-    and any delay distribution; friction falls with velocity if ``f_d < k m2/(2 m1)``.
-    Of newborn contacts stretched by ``x_0``, ``<x_s^2 - x_0^2>`` takes the place of
-    ``m2`` and ``<x_s - x_0>`` that of ``m1``.
+    This is the force of the steady state of Eqs. (1)-(4) with attached contacts counted
+    by Eq. (10); ``m1, m2`` are the first two moments of the positive distribution of
+    thresholds, ``f_d`` is the force of a detached contact. It is exact for any
+    distribution of thresholds and of delays; friction falls with velocity if
+    ``f_d < k m2/(2 m1)``. For newborn contacts stretched by ``x_0``,
+    ``<x_s^2 - x_0^2>`` replaces ``m2`` and ``<x_s - x_0>`` replaces ``m1``.
 
-    Thresholds that age by `Langevin` have no such form: the stationary kinetic equation
-    of Eqs. (13)-(17) is solved, to 1e-4 or better. Without delay the force depends on
-    ``v/rate**2`` alone. For thresholds that grow by a fixed rule (`ExponentialGrowth`,
-    `LogarithmicGrowth`) the lifetimes of contacts are integrated over their strengths.
-    With temperature they are integrated over the hazard of each contact, to 1e-7 or
-    better; every contact keeps its own threshold for its life. Contacts of different
-    areas, with or without temperature, are integrated over these. (A rate averaged over
-    the thresholds, one law for all contacts, is another model: at a standard deviation
-    of .1 its force is 34 % too low.)
+    For thresholds that age by `Langevin` there is no closed form: the stationary
+    kinetic equation of Eqs. (13)-(17) is solved, to 1e-4 or better. Without delay the
+    force depends on ``v/rate**2`` alone. For thresholds that grow by a fixed rule
+    (`ExponentialGrowth`, `LogarithmicGrowth`) the lifetimes of contacts are integrated
+    over their strengths. With thermal activation they are integrated over the hazard of
+    each contact, to 1e-7 or better; every contact keeps its threshold for its life. For
+    contacts of different areas the integral is over these as well. (A rate averaged
+    over the thresholds, one law for all contacts, is another model: at a standard
+    deviation of .1 its force is 34 % too low.)
 
     Parameters
     ----------
@@ -61,19 +64,19 @@ def kinetic_friction(
         The contacts; with `Langevin` ageing their thresholds must be Gaussian.
     velocity : float or ndarray
         Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow
-        sliding, or no delay. Above 0 if thresholds age or at a temperature.
+        sliding, or no delay. It must be above 0 with ageing or thermal activation.
 
     Returns
     -------
     float or ndarray, shape of `velocity`
-        Per contact, in ``f_s``.
+        Force per contact, in ``f_s``.
 
     Raises
     ------
     InputError
-        If thresholds age by `Langevin` from a distribution that is no Gaussian, or
-        slide at 0 velocity while they age; if the delay is infinite at zero velocity,
-        or with `Langevin` a delay meets newborns without strength.
+        If thresholds age by `Langevin` from a distribution that is not Gaussian, or
+        slide at 0 velocity while they age; if the delay is infinite at zero velocity;
+        or if, with `Langevin`, newborns without strength have a delay.
     """
     sliding = sliding_of(interface, "kinetic_friction: ")
     slowly = (
@@ -96,13 +99,13 @@ def friction_slope(interface: Interface, velocity: float) -> float: ...
 @overload
 def friction_slope(interface: Interface, velocity: Array) -> Array: ...
 def friction_slope(interface: Interface, velocity: float | Array) -> float | Array:
-    """Return how steeply the friction force in smooth sliding changes with the speed,
-    ``dF_k/dln v``.
+    """Return the slope of the friction force in smooth sliding over the logarithm of
+    the speed, ``dF_k/dln v``.
 
-    Above 0 the interface strengthens with velocity, below 0 it weakens: ``a - b`` of
-    rate and state. Exact, from the same integrals as `kinetic_friction`, with its units
-    and its refusals; with ageing by `Langevin` by differences of it, to 1e-3. The
-    velocity is above 0.
+    Above 0 the interface strengthens with velocity, below 0 it weakens: it is ``a - b``
+    of rate-and-state friction. Exact, from the same integrals as `kinetic_friction`,
+    with the same units and errors; with ageing by `Langevin` by finite differences, to
+    1e-3. The velocity must be above 0.
 
     Examples
     --------
@@ -121,8 +124,8 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
 
 @dataclass(frozen=True, kw_only=True)
 class TurningVelocity:
-    """A speed at which the friction law turns: from weakening with velocity to
-    strengthening at a minimum.
+    """A speed at which the friction law has a minimum, from weakening with velocity to
+    strengthening, or a maximum.
     """
 
     velocity: float  #: in ``x_s`` per time
@@ -136,13 +139,14 @@ class TurningVelocity:
 def turning_velocities(
     interface: Interface, *, between: tuple[float, float]
 ) -> tuple[TurningVelocity, ...]:
-    """Find the speeds at which kinetic friction is smallest or largest: where
+    """Find the speeds at which kinetic friction has a minimum or maximum, where
     `friction_slope` changes sign.
 
-    Ageing and temperature make a minimum: slow contacts have time to age. Temperature
-    and a delay make a maximum: fast contacts are missed while they are detached. They
-    rise in velocity; there are none if friction only rises or only falls in the range,
-    two speeds above 0 in ``x_s`` per time. Refused is what `kinetic_friction` refuses.
+    Ageing and thermal activation together give a minimum, as slow contacts have time to
+    age. Thermal activation and a delay give a maximum, as contacts are detached for
+    most of fast sliding. The speeds are returned in increasing order; there are none if
+    friction only rises or only falls in the range, two speeds above 0 in ``x_s`` per
+    time. Errors are those of `kinetic_friction`.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""Lives of contacts in steady sliding that break by temperature, or whose thresholds
-grow by a fixed rule.
+"""Lives of contacts in steady sliding that break by thermal activation, or whose
+thresholds grow by a fixed rule.
 
-One life of a contact, from attachment to break, is all there is to steady sliding: the
-force is its mean work over its mean length, and the linear response what a small
-perturbation changes in it. The lifetimes are laid out once for an interface and a
-speed; `stickslip.sliding.activated` reads them.
+Steady sliding follows from the life of one contact, from attachment to break: the force
+is its mean work over its mean length, and the linear response is the change of both by
+a small perturbation. The lives are computed once for an interface and a speed;
+`stickslip.sliding.activated` evaluates them.
 """
 
 import math
@@ -55,7 +55,7 @@ def lifetimes_of(
     velocity: float,
     highest: float = 0.0,
 ) -> Lifetimes:
-    """The lifetimes of contacts in steady sliding at a speed, for perturbations of
+    """Return the lives of contacts in steady sliding at a speed, for perturbations with
     wave numbers up to `highest`.
     """
     contacts = map(
@@ -63,7 +63,7 @@ def lifetimes_of(
         (interface.threshold_distribution, interface.activation, interface.ageing),
     )
     lifetimes = partial(_lifetimes, *contacts, float(velocity))
-    # Panels are halved from octave to octave: few different ones, and they are kept.
+    # Panel widths are powers of 2, so that few different sets are computed and cached.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
     whole = lifetimes(1.0)
     return whole if whole.width.max(initial=0.0) <= longest else lifetimes(longest)
@@ -81,7 +81,7 @@ def _lifetimes(
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth = growth_of(ageing)
     hazard = hazard_of(activation)
-    # that e-folds the rate
+    # stretching over which the rate grows by a factor e
     width = hazard.width / float(taken_off(hazard, np.array(distribution.moment(1)))[0])
     one_variable = activation is None or (
         is_separable(hazard, growth) and distribution.standard_deviation() > 2.0 * width
@@ -106,8 +106,8 @@ def _lifetimes(
 
 
 def _cut_panels(one: Lifetimes, longest: float) -> Lifetimes:
-    """Lives of all contacts at once on shorter panels, by the polynomials through
-    the nodes of each panel.
+    """Lives of all contacts together on shorter panels, by interpolation through the
+    nodes of each panel.
     """
     count = np.maximum(np.ceil(one.width / longest), 1.0).astype(int)
     panel = np.repeat(np.arange(count.size), count)
@@ -151,7 +151,7 @@ def threshold_nodes(
     places: list[tuple[float, float]],
 ) -> tuple[Array, Array]:
     """Nodes of thresholds and their weights, on panels of the size `first` at the
-    start, and finer at some places.
+    start, and finer near some places.
     """
     if distribution.single:
         return np.array([distribution.moment(1)]), np.ones(1)
@@ -166,8 +166,8 @@ def threshold_nodes(
 
 
 def hazard_of(activation: ActivationModel | None) -> Hazard:
-    """Return thermal activation as the kernels take it; without it, one that is
-    never tried.
+    """Return the constants of thermal activation for kernels; without it, those of a
+    contact that never attempts to break.
     """
     match activation:
         case Bell(width=width, attempts=attempts):
@@ -180,8 +180,8 @@ def hazard_of(activation: ActivationModel | None) -> Hazard:
 
 
 def growth_of(ageing: AgeingModel | None) -> Growth:
-    """Return a fixed rule of growth as the kernels take it, also for thresholds that
-    do not grow.
+    """Return the constants of a growth law for kernels, also for thresholds that do not
+    grow.
     """
     match ageing:
         case ExponentialGrowth(rate=rate, newborn=newborn):
@@ -193,7 +193,7 @@ def growth_of(ageing: AgeingModel | None) -> Growth:
     return FIXED
 
 
-_PANELS = 100_000  # hundreds are usual; where each has its nodes, these take 100 MB
+_PANELS = 100_000  # most panels, which take 100 MB with their nodes; hundreds are usual
 
 
 def panel_edges(
@@ -203,10 +203,10 @@ def panel_edges(
     places: list[tuple[float, float]],
     steepest: Callable[[float], float] = lambda _: math.inf,
 ) -> Array:
-    """Ends of panels: as fine as the distribution is wide, finer towards each place,
-    down to the scale there.
+    """Ends of panels: proportional to the width of the distribution, and finer towards
+    each place, down to its scale.
 
-    `steepest` is the longest panel at a place.
+    `steepest` returns the longest panel allowed at a place.
     """
     inner, middle, outer = distribution.inverse_survival(
         np.array([0.84, 0.5, 0.16])
@@ -228,14 +228,14 @@ def panel_edges(
 
 
 def gauss_nodes(edges: Array, count: int = 8) -> tuple[Array, Array]:
-    """Nodes on the panels between neighbours along the last axis, and their weights."""
+    """Gauss nodes and weights on panels between neighbours along the last axis."""
     x, weight = nodes_between(edges[..., :-1], edges[..., 1:], count)
     each_row = (*edges.shape[:-1], -1)
     return x.reshape(each_row), weight.reshape(each_row)
 
 
 def _radau(edges: Array) -> tuple[Array, Array, Array]:
-    """Lengths of panels, and their nodes and weights."""
+    """Widths of panels, and their Radau nodes and weights."""
     width = np.diff(edges)
     inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
     return (
@@ -245,8 +245,8 @@ def _radau(edges: Array) -> tuple[Array, Array, Array]:
     )
 
 
-# slope of ageing over the activation width up to which the fall of the rate after birth
-# is followed
+# slope of ageing over the activation width, up to which the decrease of the rate after
+# birth is resolved
 _FOLLOWED = 60.0
 
 
@@ -257,17 +257,17 @@ def _in_one(
     ageing: AgeingModel | None,
     v: float,
 ) -> Lifetimes:
-    """Lives of all contacts at once: of a barrier that falls linearly or as a parabola,
-    or without temperature.
+    """Lives of all contacts together: for a barrier that is linear or parabolic in the
+    stretching, or without thermal activation.
 
-    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi``
-    depends on ``G`` alone. By a parabola ``xi**2/2`` stands for ``xi``, and the
-    temperature for ``A``.
+    The hazard up to ``x`` is ``G(x) exp(-xi/A)``, so the survival for every threshold
+    ``xi`` depends on ``G`` alone. With a parabolic barrier ``xi**2/2`` replaces ``xi``,
+    and the temperature replaces ``A``.
     """
     growth = growth_of(ageing)
     low, high = distribution.support
     A = hazard.width
-    # even the strongest break as soon as they attach: there are no lifetimes
+    # Even the strongest contacts break as soon as they attach: there are no lifetimes.
     if kernel.reach(growth, high, v) <= 0:
         return kernel.march(
             hazard,
@@ -278,8 +278,8 @@ def _in_one(
             math.inf,
         )
     edges = _edges_in_one(distribution, hazard, growth, v)
-    # On half of what the integrals need, polynomials give what lies between the nodes,
-    # too, to 1e-8.
+    # With panels half as wide as the integrals need, polynomials also interpolate
+    # between the nodes to 1e-8.
     width, x, weight = _radau(np.union1d(edges, 0.5 * (edges[1:] + edges[:-1])))
     strength, steeper, later = _met(growth, x, v)
     capped = np.maximum(strength, low)
@@ -338,15 +338,15 @@ def _edges_in_one(
     growth: Growth,
     v: float,
 ) -> Array:
-    """Ends of panels for all contacts at once, up to where the strongest have
+    """Ends of panels for all contacts together, up to where the strongest have
     broken.
     """
     low, high = distribution.support
     A = hazard.width
     weakest = max(low, 0.0)
     shortest = _shortest(distribution, hazard, growth, v)
-    # at a high speed all break within a small part of the panels that suit their
-    # strengths
+    # at a high speed all contacts break within a small part of the panels that suit
+    # their strengths
     if hazard.attempts == 0:
         strengths = panel_edges(
             distribution,
@@ -360,8 +360,8 @@ def _edges_in_one(
         return np.array(sorted({*met, *nodes[nodes < max(met)].tolist()}))
 
     def follow(x: float) -> float:
-        """Longest panel where the rate at birth is not yet forgotten: what decays
-        has to be followed.
+        """Longest panel at a place; limited while the rate still depends on that at
+        birth, as a decay must be resolved.
         """
         factor, addend, _, more = map(
             float, kernel.rule(growth, np.array([x / v]))[:, 0]
@@ -375,7 +375,7 @@ def _edges_in_one(
     end = kernel.reach(growth, high, v)
     places = [(0.0, shortest)]
     if distribution.knots:
-        # The stretching at which contacts of the threshold at the knot break, from a
+        # The stretching at which contacts with the threshold of the knot break, from a
         # first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
@@ -391,7 +391,7 @@ def _edges_in_one(
         if knot > 0 or growth.first > 0.0
     ]
     edges = panel_edges(distribution, 0.0, end, places, follow)
-    # All but next to none have broken long before the strongest meet their thresholds.
+    # Almost all contacts have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
     last = np.minimum(distribution.inverse_survival(math.exp(-kernel.QUIET)), high)
     broken = np.searchsorted(
@@ -409,8 +409,8 @@ def _shortest(
     """Length over which the survival or the threshold of a newborn may change."""
     lengths = [0.05 * distribution.standard_deviation()]
     if hazard.attempts > 0:
-        # The weakest, all but one in 1e8, break at a rate that hardly grows while it is
-        # that of attempts.
+        # The rate of the weakest contacts, except one in 1e8, hardly grows while it is
+        # near the attempt rate.
         weakest = np.maximum(distribution.inverse_survival(1.0 - 1e-8), 0.0)
         quiet = min(float(taken_off(hazard, weakest)[1]) / hazard.width, 40.0)
         lengths += [hazard.width, v / hazard.attempts * math.exp(quiet)]
@@ -420,8 +420,8 @@ def _shortest(
 
 
 def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
-    """Strength whose threshold is met at a stretching, its slope in the threshold,
-    and that in ln v.
+    """Strength whose threshold is met at a stretching, its derivative by the threshold,
+    and that by ln v.
     """
     age = x / v
     factor, addend, steeper, more = rule(growth, age)
@@ -436,14 +436,14 @@ def _reached(
     width: Array,
     x: Array,
 ) -> tuple[Array, Array, Array, Array]:
-    """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by
+    """Return ``u = A ln G``; with ``rho = G'``, ``G/rho``, the same for the slope by
     age, and ``rho'/rho``.
     """
     A = hazard.width
     age = x / v
     _, addend, _, slope = rule(growth, age)
-    # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the
-    # time they are born.
+    # A decrease of the rate after birth that is too sharp to be resolved is omitted: it
+    # concerns only weak contacts at their birth.
     steep, height = taken_off(hazard, x)
     decay = np.maximum(
         (steep - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0
@@ -473,17 +473,17 @@ def blurred_survival(
     u: Array,
     knots: Sequence[float],
 ) -> Array:
-    """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds
-    blurred by a Gumbel distribution.
+    """Survival of a newborn of any threshold at ``u = A ln G``: thresholds blurred by a
+    Gumbel distribution.
 
-    The mean of their survival ``J_c(u - A s)``, a function of flat arrays, over
-    ``s = ln E``, ``E`` drawn from ``exp(-E)``; it has corners where the density jumps,
-    at the `knots`.
+    It is the mean of their survival ``J_c(u - A s)``, a function of flat arrays, over
+    ``s = ln E`` with ``E`` drawn from ``exp(-E)``; it has corners where the density
+    jumps, at the `knots`.
     """
     low = -38.0
     high = 3.7
     corners = np.array([knot for knot in knots if math.isfinite(knot)])
-    # between these the weight exp(s - exp(s)) is more than rounding
+    # between these bounds the weight exp(s - exp(s)) is more than rounding
     found = np.empty(u.size)
     for part in np.array_split(np.arange(u.size), 1 + u.size // 512):
         at = u.ravel()[part, None]

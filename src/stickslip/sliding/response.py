@@ -1,8 +1,8 @@
-"""The linear response of steady sliding, whatever the contacts.
+"""The linear response of steady sliding, for any contacts.
 
-A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with
-their dynamic stiffness ``kappa(s)``, per contact, in units of ``k``. Nothing here knows
-what holds the slider: with a rig the response makes the modes of `stickslip.stability`.
+A slider in smooth sliding is perturbed by a small ``exp(s t)``; the contacts respond
+with their dynamic stiffness ``kappa(s)``, per contact, in units of ``k``. It does not
+depend on what holds the slider: with a rig it gives the modes of `stickslip.stability`.
 """
 
 import math
@@ -21,20 +21,20 @@ from stickslip.errors import InputError
 from stickslip.loops import bounded
 
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
-# Of a spline: steps between its first points, a fourth of a turn in all; and its
-# largest relative error: no result needs less
+# Of a spline: steps between its first points, at most a quarter turn together; and its
+# largest relative error, as no result needs a smaller one.
 _APART = 8
 _LOST = 1e-5
-# phase (rad) that the fastest part of a response may turn between neighbours of a scan;
-# a full turn is 6.3
+# largest phase (rad) that the fastest part of a response turns between neighbouring
+# points of a scan; a full turn is 6.3
 STEP = 0.2
 
 
 class MeanLifetimes(NamedTuple):
-    """Mean distance slid in the lifetimes of contacts, work against it, their slopes in
-    ln v, and the kinds' weights.
+    """Mean distance slid in the lifetimes of contacts and the work in it, the
+    derivatives of both by ln v, and the weights of the kinds of contacts.
 
-    Each of the shape (kinds,): contacts of one kind share their attachments.
+    Each has the shape (kinds,): contacts of one kind share their attachments.
     """
 
     distance: Array
@@ -54,46 +54,44 @@ class Parts(NamedTuple):
 
     @property
     def kappa(self) -> ComplexArray:
-        """Their ratio."""
+        """Ratio of numerator and denominator."""
         return np.asarray(self.numerator / self.denominator)
 
 
 class Fluctuations(NamedTuple):
-    """Response of the contacts in steady sliding, and the motion of each of them by
-    itself, at some frequencies.
+    """Response of the contacts in steady sliding, and the noise of each contact, at
+    some frequencies.
     """
 
     kappa: ComplexArray
     noise: Array
-    """Two-sided spectrum of the force of one contact; no number where it is not
-    known.
-    """
+    """Two-sided spectrum of the force of one contact; NaN where it is not known."""
 
 
 class ResponseScales(NamedTuple):
     """Times and frequencies of a response at one speed."""
 
     cycle: float  #: mean time between two attachments of a contact
-    pace: float  #: time by which growth and decay are measured
-    memory: float  #: longest time over which the response remembers
-    fastest: float  #: frequency beyond which kappa turns no more by itself, or infinite
-    #: real part left of which no mode is looked for: ``exp(-s t)`` makes the response
-    #: overflow
+    pace: float  #: unit of time for growth and decay
+    memory: float  #: longest time over which the response has memory
+    fastest: float  #: frequency above which kappa has constant phase; or infinite
+    #: real part to the left of which modes are not searched, as ``exp(-s t)`` makes the
+    #: response overflow
     leftmost: float
 
 
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `fluctuations`, `frequencies`, `scales` and its
-    `accuracy`.
+    A model of contacts defines `kappa` or `fluctuations`, `frequencies`, `scales` and
+    its `accuracy`.
     """
 
-    #: of kappa, per contact: a mode nearer to neutral than that is undecided
+    #: error of kappa, per contact: a mode closer to neutral than this is undecided
     accuracy: ClassVar[float]
-    #: whether its parts are a numerator and a denominator, which are 0 at 0, both
+    #: whether its parts are a numerator and a denominator that are both 0 at 0
     has_denominator: ClassVar[bool] = False
-    #: whether it can be followed left of the axis, so that roots there can be counted
+    #: whether it is known to the left of the axis, so that roots there can be counted
     certain: ClassVar[bool] = False
 
     @property
@@ -108,8 +106,8 @@ class Response(ABC):
 
     @abstractmethod
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Rising angular frequencies that follow every turn of kappa, up to `top`,
-        or to where it turns no more.
+        """Increasing angular frequencies that resolve the phase of kappa, up to `top`
+        or to where it is constant.
         """
 
     @abstractmethod
@@ -117,31 +115,31 @@ class Response(ABC):
         """Times and frequencies at a speed."""
 
     def terms(self, velocity: float) -> float:
-        """Number of terms of the sums that follow kappa at a speed; 0 where they are
-        few.
-        """
+        """Number of terms in the sums that give kappa at a speed; 0 if they are few."""
         del velocity
         return 0.0
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis;
-        not finite where it overflows.
+        """``kappa(s)`` at one speed and many `s` other than 0, also off the axis; not
+        finite where it overflows.
         """
         return self.fluctuations(velocity, s).kappa
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        """Response of the contacts and their motion by themselves, at `s` on the
-        imaginary axis that are not 0.
+        """Response of the contacts and their noise, at `s` other than 0 on the
+        imaginary axis.
         """
         return Fluctuations(self.kappa(velocity, s), np.full(np.shape(s), np.nan))
 
     def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
-        """`fluctuations` at many frequencies, as exact as a scan needs them."""
+        """Return `fluctuations` at many frequencies, to the accuracy that a scan
+        needs.
+        """
         return self.fluctuations(velocity, 1j * omega)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa``
-        and 1.
+        """Numerator and denominator of ``kappa(s)``, which is 0 at 0; by default
+        ``kappa`` and 1.
         """
         speed, points = np.broadcast_arrays(
             np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
@@ -154,28 +152,28 @@ class Response(ABC):
         return Parts(*found)
 
     def parts_at(self, velocity: float, s: ComplexArray) -> Parts:
-        """`parts` at one speed and `s` that are not 0."""
+        """Return `parts` at one speed and `s` other than 0."""
         kappa = self.kappa(velocity, s)
         return Parts(kappa, np.ones_like(kappa))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
-        """Frequencies up to `top` and far beyond, and centres of discs through 0
-        that hold kappa whatever the delay.
+        """Frequencies up to `top` and far beyond, and centres of discs through 0 that
+        contain kappa for any delay.
         """
         del velocity, top
         return None
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies that follow every turn of kappa, up to `top` at least,
-        and its parts there.
+        """Return frequencies that resolve the phase of kappa, at least up to `top`, and
+        its parts there.
         """
-        del top  # known to where it turns no more
+        del top  # the frequencies extend to where the phase is constant
         omega, table = whole_axis(self, velocity)
         kappa = table(np.log(omega))[0]
         return omega, Parts(kappa, np.ones_like(kappa))
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
-        """``kappa(s)``, at 0 as well; `velocity` and `s` broadcast.
+        """Return ``kappa(s)``, at 0 as well; `velocity` and `s` broadcast.
 
         Raises `InputError` if `s` lies where the response does not exist.
         """
@@ -206,8 +204,8 @@ class Response(ABC):
 def whole_axis(
     response: Response, velocity: float
 ) -> tuple[Array, "CubicSpline[np.complex128]"]:
-    """Frequencies that follow all turns and peaks, and `Fluctuations` over their
-    logarithm; unknown noise is 0.
+    """Frequencies that resolve all turns and peaks, and a spline of `Fluctuations` over
+    their logarithm; unknown noise is 0.
     """
     omega = response.frequencies(velocity, math.inf)
 
@@ -224,11 +222,12 @@ def whole_axis(
 def along_logarithm(
     at: Callable[[Array], ComplexArray], omega: Array, most: float, least: float = 0.0
 ) -> tuple[Array, "CubicSpline[np.complex128]"]:
-    """Logarithms of frequencies that follow a function, and the function over them as
-    a spline, within `most` of its values, or `least` where these are rounding.
+    """Return logarithms of frequencies that resolve a function, and a spline of the
+    function over them.
 
-    Where contacts break together, life after life, they answer within less than a
-    step: up to a sixteenth of it.
+    Its error is at most `most` of a value, or `least` where values are rounding. Where
+    contacts break together, life after life, the response changes within less than a
+    step of the frequencies: the spline resolves a sixteenth of it.
     """
     u = np.unique(
         np.interp(
@@ -247,7 +246,8 @@ def splined(
     most: float,
     least: float = 0.0,
 ) -> "CubicSpline[np.complex128]":
-    """A function, along its last axis, as a spline through some of the points `u`.
+    """Return a spline, along the last axis, of a function through some of the points
+    `u`.
 
     It begins with every `apart`-th point and checks the spline halfway between them.
     Where it misses a value by more than the fraction `most`, points on both sides are
@@ -280,8 +280,8 @@ class Unperturbed(NamedTuple):
     """Transforms of a life in steady sliding, of length `l` in the distance ``x``, at
     wave numbers ``q = i y``.
 
-    ``1 - <exp(-q l)>``; of the force ``f``, with ``G = Int f exp(-q x) dx`` over the
-    life, ``<conj(G) exp(-q l)>``, ``<G>`` and ``<|G|^2>``; and ``<l>``.
+    These are ``1 - <exp(-q l)>``; then, with ``G = Int f exp(-q x) dx`` of the force
+    ``f`` over the life, ``<conj(G) exp(-q l)>``, ``<G>`` and ``<|G|^2>``; and ``<l>``.
     """
 
     broken: ComplexArray
@@ -298,14 +298,14 @@ class Unperturbed(NamedTuple):
         force: float,
     ) -> Array:
         """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along
-        ``x``: a renewal process.
+        ``x``: that of a renewal process.
 
-        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a
-        detached contact. With ``G`` and ``l`` those of a life and the delay after it,
+        `missing` is ``1 - E``, `away` the mean delay in ``x``, and `force` that of a
+        detached contact. With ``G`` and ``l`` of a life with the delay after it,
         ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q l)> <G>/<1 - exp(-q l)>))/<l>``.
         """
         broken, until, whole, each, rest = self
-        # E, and G of the delay
+        # E, and G of the delay alone
         back = 1.0 - missing
         pulled = force * missing / q
         each = (
@@ -328,8 +328,10 @@ def stretched(
     rest: float,
     done: float,
 ) -> Unperturbed:
-    """A life in which the force is ``x``, from what the survival loses,
-    ``M_0 - S^``, and ``W``; ``M_0, M_1`` at 0.
+    """Return the transforms of a life in which the force is ``x``.
+
+    `lost` is the decrease of the survival's transform, ``M_0 - S^``, and `work` is
+    ``W``; ``M_0`` and ``M_1``, the values at 0, are `rest` and `done`.
     """
     return Unperturbed(
         q * (rest - lost),
@@ -348,13 +350,13 @@ def perturbed(
     away: float,
     force: float,
 ) -> Parts:
-    """Parts of kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and
-    the mean delay `away`, in ``x``.
+    """Return the parts of kappa at ``q != 0``; `missing` is ``1 - E``, `rest` the mean
+    life and `away` the mean delay, in ``x``.
 
-    Transforms of a life under a perturbation ``exp(q x)`` of what moves by ``x``: what
-    the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and what
-    the perturbation breaks, ``L`` and, with the stretching, ``Y``; see
-    `stickslip.sliding.activated`.
+    The transforms are those of a life under a perturbation ``exp(q x)`` of the slider:
+    ``M_0 - S^``, the decrease of the survival's transform; ``W``, the transform of
+    ``x`` times the survival; and ``L`` and ``Y``, the contacts and the stretching that
+    the perturbation breaks; see `stickslip.sliding.activated`.
     """
     lost, work, breaks, yields = transforms
     back = 1.0 - missing

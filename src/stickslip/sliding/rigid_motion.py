@@ -1,7 +1,8 @@
 """Rigid motion by the renewal equation: its solution for an interface, static friction,
-and the thresholds that give a friction.
+and the thresholds that give a measured friction.
 
-A bench measures two friction coefficients; the model asks for the contacts behind them.
+An experiment measures two friction coefficients; the model needs the thresholds of the
+contacts behind them.
 """
 
 import math
@@ -20,15 +21,15 @@ from stickslip.model.distributions import Distribution, excess
 from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.law import kinetic_friction
 
-# standard deviations of the thresholds, over their mean, between which a fit looks
+# standard deviations of the thresholds over their mean between which a fit searches
 NARROWEST = 0.01
 WIDEST = 1.0
-_MOST_WORK = 5e7  # nodes of the start times positions: some ten seconds
+_MOST_WORK = 5e7  # initial nodes times positions: about ten seconds
 
 
 def check_renewal(interface: Interface, who: str) -> None:
     """Raise `InputError` for ageing and for thresholds without a density, which the
-    renewal equation cannot take.
+    renewal equation does not support.
     """
     instance(f"{who}: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), who)
@@ -41,12 +42,12 @@ def solved(
     velocity: float,
     points: int,
 ) -> Callable[[Array], renewal.RigidResponse]:
-    """Return the solution of the renewal equation, to be looked at anywhere."""
+    """Return the solution of the renewal equation as a function of positions."""
     distribution = interface.threshold_distribution
     born = interface.newborn
     sliding_force = interface.sliding_force
-    # Where the distribution of thresholds jumps, each node of the start makes a jump of
-    # its own in the stiffness.
+    # Where the distribution of thresholds jumps, each initial node gives a jump in the
+    # stiffness.
     jumps = any(0 < knot < math.inf for knot in distribution.knots)
     stretchings, weight = stretching_nodes(
         interface.initial,
@@ -104,16 +105,17 @@ def solved(
 
 
 def static_friction(interface: Interface) -> tuple[float, float]:
-    """Largest friction force in quasi-static motion, per contact in ``f_s``, and where
-    it is reached to nine digits.
+    """Largest friction force in quasi-static motion, per contact in ``f_s``, and the
+    position at which it is reached to nine digits.
 
-    Broken contacts re-attach at once, so that a force of detached ones does not enter.
+    Broken contacts re-attach immediately, so the force of detached ones does not
+    matter.
 
     Raises
     ------
     InputError
-        If thresholds age, or at a temperature: the force then depends on the rest
-        before, and on the speed.
+        If thresholds age, or with thermal activation: the force then depends on the
+        duration of rest before, and on the speed.
     """
     check_renewal(interface, "static_friction")
     bare = Interface(
@@ -125,7 +127,7 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     points = Renewal().points
     X = np.linspace(0.0, distance, points + 1)
     force = solved(bare, distance, 1.0, points)(X).force
-    # Of a force that only rises, rounding would decide where it is largest.
+    # If the force only rises, rounding would decide where it is largest.
     first = int(np.argmax(force >= (1.0 - 1e-9) * force.max()))
     return float(force.max()), float(X[first])
 
@@ -135,9 +137,9 @@ def slow_friction(
     thresholds: Distribution, initial: Distribution
 ) -> tuple[float, float]:
     """Return static and kinetic friction in slow rigid motion without delay, per
-    contact in ``f_s``, good to 1e-4.
+    contact in ``f_s``, accurate to 1e-4.
 
-    The static friction is the first maximum of Eqs. (1)-(4), the kinetic one its limit
+    Static friction is the first maximum of Eqs. (1)-(4), kinetic friction their limit
     after a long distance.
     """
     contacts = Interface(thresholds=thresholds, initial=initial)
@@ -174,7 +176,7 @@ def thresholds_of(
 
     Static and kinetic friction are forces or coefficients, and the sum is in the same
     unit. Raises `InputError` if no standard deviation gives their ratio; the message
-    has the range that can be had.
+    has the possible range.
     """
     wanted = static / kinetic
     least, most = friction_ratios(initial)
@@ -205,8 +207,9 @@ def thresholds_or_even(
     kinetic: float,
     initial: Distribution,
 ) -> tuple[Distribution, float]:
-    """Return what `thresholds_of` does; of equal friction exponential thresholds, which
-    make no peak: as many contacts break as attach from the first moment on.
+    """Return the result of `thresholds_of`; for equal frictions exponential thresholds.
+
+    These give no peak: from the first moment on as many contacts break as attach.
     """
     if not math.isclose(static, kinetic, rel_tol=1e-9):
         return thresholds_of(static, kinetic, initial)

@@ -2,10 +2,9 @@
 contacts.
 
 The force is the mean work of a contact over the mean distance slid, both from one
-attachment to the next. With ``M_j`` the mean of the integral of ``x**j`` times the
-survival over a life and ``f_d`` the force of detached contacts,
-``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their
-lifetimes.
+attachment to the next: ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``, with ``M_j`` the
+mean integral of ``x**j`` times the survival over a life, and ``f_d`` the force of
+detached contacts. Kinds of contacts differ only in their lifetimes.
 """
 
 import math
@@ -28,19 +27,17 @@ Law = Callable[[Array], Array]
 class Sliding(NamedTuple):
     """Steady sliding of an interface, in natural units per contact."""
 
-    who: str
-    takes: tuple[str, ...]  #: mechanisms with which it is known
+    who: str  #: name of the kind of sliding in errors
+    takes: tuple[str, ...]  #: mechanisms for which it is known
     force: Law
-    slope: Law  #: of the force in the logarithm of the velocity
+    slope: Law  #: derivative of the force by the logarithm of the velocity
     response: Callable[[], Response]
 
 
 def _by_lifetimes(
     interface: Interface, lifetimes: Callable[[Interface, float], MeanLifetimes]
 ) -> tuple[Law, Law]:
-    """Force and slope of contacts of which the mean lifetimes are known, with their
-    slopes.
-    """
+    """Force and slope of contacts with known mean lifetimes and their slopes."""
 
     def force_and_slope(velocity: float) -> tuple[float, float]:
         away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
@@ -62,7 +59,7 @@ def _by_lifetimes(
 
 
 def _by_force(force: Law) -> tuple[Law, Law]:
-    """A force and its slope, to fourth order in a step of 5 %."""
+    """A force and its slope, by differences of fourth order with a step of 5 %."""
 
     def slope(velocity: Array) -> Array:
         step = 0.05
@@ -75,8 +72,8 @@ def _by_force(force: Law) -> tuple[Law, Law]:
 
 
 def _kind(interface: Interface) -> Sliding:
-    """Steady sliding by the kind of contacts; kernels are loaded with those whose
-    lifetimes they integrate.
+    """Return steady sliding by the kind of contacts; kernels are imported only for
+    kinds that integrate over lifetimes.
     """
     who = "smooth sliding"
     ageing = interface.ageing
@@ -140,9 +137,7 @@ def sliding_of(interface: Interface, who: str = "") -> Sliding:
 
 
 def respond(interface: Interface) -> Response:
-    """Return the linear response of an interface, one and the same for equal
-    interfaces.
-    """
+    """Return the linear response of an interface; equal interfaces share one object."""
     instance("interface", interface, Interface, "an Interface")
     return _response(hashable(interface))
 

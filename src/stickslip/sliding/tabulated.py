@@ -1,7 +1,7 @@
-"""Linear responses that take the lives of contacts from a table.
+"""Linear responses that take the transforms of a life from a table.
 
-A life is computed and tabulated without the delay after it, which may turn many times
-as often; the delay enters in closed form.
+A life is computed and tabulated without the delay after it, whose phase may turn many
+times as fast; the delay enters in closed form.
 """
 
 import math
@@ -24,7 +24,7 @@ from stickslip.sliding.response import (
     Unperturbed,
 )
 
-# steps of frequencies; of those at which lives are read from the table
+# steps of frequencies, and most steps where the lives come from the table
 FEW_STEPS = 8_000
 _MOST_STEPS = 16 * FEW_STEPS
 
@@ -33,7 +33,7 @@ _MOST_STEPS = 16 * FEW_STEPS
 class TabulatedResponse(Response):
     """The linear response of contacts whose lives are known without their delay.
 
-    A model of contacts gives `transforms`, their `life_table`, `parts_of`, `life_of`,
+    A model of contacts defines `transforms`, their `life_table`, `parts_of`, `life_of`,
     `mean_distance` and `wave_numbers`.
     """
 
@@ -57,22 +57,24 @@ class TabulatedResponse(Response):
         missing: ComplexArray,
         transforms: ComplexArray,
     ) -> Parts:
-        """Parts of kappa from the transforms of a life; `missing` is ``1 - E``."""
+        """Return the parts of kappa from the transforms of a life; `missing` is
+        ``1 - E``.
+        """
 
     @abstractmethod
     def life_of(
         self, velocity: float, q: ComplexArray, transforms: ComplexArray
     ) -> Unperturbed:
-        """A life that is not perturbed, from its transforms."""
+        """Return an unperturbed life from its transforms."""
 
     @abstractmethod
     def mean_distance(self, velocity: float) -> float:
-        """Mean distance slid in a life."""
+        """Return the mean distance slid in a life."""
 
     @abstractmethod
     def wave_numbers(self, away: float, most: int) -> Array:
-        """Wave numbers, at most that many steps, that follow contacts which stay
-        detached over the distance `away`.
+        """Return wave numbers, in at most `most` steps, that resolve contacts which
+        stay detached over the distance `away`.
         """
 
     @cached_property
@@ -93,7 +95,7 @@ class TabulatedResponse(Response):
         return self._parts(velocity, s, self.transforms(velocity, s / velocity))
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        del top  # known to where it turns no more
+        del top  # the frequencies extend to where the phase is constant
         omega = self._followed(velocity, _MOST_STEPS)
         found = self._tabulated(velocity, omega)
         return omega, self._parts(velocity, 1j * omega, found)
@@ -118,12 +120,14 @@ class TabulatedResponse(Response):
         )
 
     def _followed(self, velocity: float, most: int) -> Array:
-        """Frequencies, at most that many steps, that follow contacts and delays."""
+        """Return frequencies, in at most `most` steps, that resolve contacts and
+        delays.
+        """
         away = velocity * self.interface.delay.longest
         return velocity * self.wave_numbers(away, most)
 
     def _tabulated(self, velocity: float, omega: Array) -> ComplexArray:
-        """Transforms of a life along the axis; beyond the table they are computed."""
+        """Return the transforms of a life along the axis, computed beyond the table."""
         y = omega / velocity
         table = self.without_delay.life_table(velocity)
         low, high = np.exp(table.x[[0, -1]])

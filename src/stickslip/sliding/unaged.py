@@ -4,22 +4,22 @@ With ``P^`` the Laplace transform of the distribution of thresholds,
 ``E(s) = <exp(-s tau)>`` that of the delay, ``q = s/v``,
 ``h(q) = Int x J_c(x) exp(-q x) dx`` and ``f_d`` the force of a detached contact,
 
-    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))], W = f_d (1 - P^) - q
-    h(q)
+    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))]
+    W = f_d (1 - P^) - q h(q)
 
 per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the
-delay, linearised about the steady state. Two facts carry the search for unstable modes:
+delay, linearised about the steady state. Two facts guide the search for unstable modes:
 
 * ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no
   pole there;
-* whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc
-  through 0 about ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at
-  which ``-Z`` lies outside that disc holds no mode. At high frequencies ``q h``
-  vanishes and ``f_d`` stays: a disc about ``f_d/(m1 + v <tau>)``.
+* for any delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through
+  0 about ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which
+  ``-Z`` lies outside that disc has no mode. At high frequencies ``q h`` vanishes and
+  ``f_d`` remains: a disc about ``f_d/(m1 + v <tau>)``.
 
-Contacts that re-attach with one and the same stretching ``x_0`` answer like unstretched
-ones with the thresholds ``x_s
-- x_0`` and the sliding force ``f_d - x_0``, which may be negative.
+Contacts that all re-attach with the same stretching ``x_0`` respond like unstretched
+ones with the thresholds ``x_s - x_0`` and the sliding force ``f_d - x_0``, which may be
+negative.
 """
 
 import math
@@ -49,12 +49,11 @@ from stickslip.sliding.response import (
     stretched,
 )
 
-# wave number times the standard deviation of thresholds, beyond which nothing is left
-# of P^
+# wave number times the standard deviation of thresholds, beyond which P^ is negligible
 _REMEMBERED = 100.0
-_NOTHING = 1e-15  # of P^: rounding of 1
+_NOTHING = 1e-15  # P^ below this is rounding of 1
 _FEWEST = 64  # wave numbers of a table
-_MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
+_MOST_STEPS = 6_000  # steps of frequencies, beyond which the delay alone sets the step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +74,8 @@ class UnagedResponse(Response):
         return self._means[1] == 0
 
     def _path(self, velocity: float | Array) -> Array:
-        """``m1 + v <tau>``: mean distance the slider goes between two attachments of
-        a contact, in ``x_s``.
+        """``m1 + v <tau>``: mean distance between two attachments of a contact, in
+        ``x_s``.
         """
         return np.asarray(self._means[0] + velocity * self._means[1])
 
@@ -86,11 +85,11 @@ class UnagedResponse(Response):
         memory = self._largest / velocity + self.delay.longest
         if self.inert:
             return ResponseScales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
-        # At high frequencies the delay is all that is left of the response, and f_d
-        # keeps it from fading.
+        # At high frequencies only the delay affects the response, which f_d keeps from
+        # fading.
         pace = cycle if self.sliding_force == 0 else min(cycle, delay)
-        # The scatter of the thresholds wipes out their memory; their transform has an
-        # abscissa of convergence.
+        # The scatter of the thresholds limits the memory of contacts; their transform
+        # has an abscissa of convergence.
         fastest = 8.0 * velocity / scatter
         return ResponseScales(
             cycle,
@@ -146,7 +145,7 @@ class UnagedResponse(Response):
         return Fluctuations(numerator / denominator, noise)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies up to `top` or just beyond, and parts there from a
+        """Return frequencies up to `top` or just beyond, and the parts there from a
         table of the distribution.
         """
         if self.inert:
@@ -165,8 +164,8 @@ class UnagedResponse(Response):
         )
 
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Angular frequencies up to `top`, as close as the memory of contacts asks,
-        then as their delay does.
+        """Angular frequencies up to `top`, with the step that the memory of contacts
+        requires, then with that of the delay.
         """
         step = STEP / self.scales(velocity).memory
         omega = np.arange(0.5, min(top / step, _MOST_STEPS)) * step
@@ -195,7 +194,7 @@ class UnagedResponse(Response):
 
     @cached_property
     def _largest(self) -> float:
-        # One contact in 1e5 beyond it moves the response by no more than 1e-5.
+        # One contact in 1e5 beyond it changes the response by no more than 1e-5.
         distribution = self.distribution
         return (
             distribution.moment(1)
@@ -205,7 +204,7 @@ class UnagedResponse(Response):
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean life without ageing and temperature, the same at all
+    """Return the mean life without ageing and thermal activation, equal at all
     velocities.
     """
     del velocity
@@ -262,8 +261,8 @@ def _discs(
     step: float,
     count: int,
 ) -> tuple[Array, ComplexArray]:
-    """Wave numbers, and the centres of discs there, for contacts that
-    re-attach at once.
+    """Wave numbers, and the centres of the discs there, for contacts that re-attach
+    immediately.
     """
     y, complement, shape = axis_table(distribution, step, count)
     lost = np.abs(complement) ** 2
@@ -275,8 +274,8 @@ def _discs(
             "the contacts lose their memory; give them a larger standard deviation"
         )
     centre = (sliding_force * lost - shape * np.conj(complement)) / room
-    # Beyond the table discs only shrink: as large a one as in its last quarter, and
-    # as far below the real axis.
+    # Beyond the table discs only shrink: take one as large as any in its last quarter,
+    # and extending as far below the real axis.
     last = centre[-(centre.size // 4) :]
     worst = float(np.max(np.abs(last)))
     deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
@@ -287,16 +286,16 @@ def _discs(
     return np.append(y, far), np.append(centre, np.full(far.size, shrinking))
 
 
-@lru_cache(maxsize=16)  # 80 MB for the longest
+@lru_cache(maxsize=16)  # the longest table takes 80 MB
 def axis_table(
     distribution: Distribution,
     step: float,
     count: int,
 ) -> tuple[Array, ComplexArray, ComplexArray]:
-    """Wave numbers at `count` equal steps, a power of 2, and below the first one, and
-    `transforms` there on the imaginary axis.
+    """Wave numbers in `count` equal steps (`count` and the step are powers of 2) and
+    below the first, and the `transforms` there on the imaginary axis.
     """
-    # below the first step in proportion: slow modes of soft springs
+    # geometric below the first step, for slow modes of soft springs
     y = np.append(
         step * np.geomspace(1e-4, 1.0, 40, endpoint=False),
         step * np.arange(1.0, count + 1.0),
@@ -306,7 +305,7 @@ def axis_table(
     # a longer table keeps the values of a shorter one
     known = axis_table(distribution, step, count // 2)
     new = 1j * y[known[0].size :]
-    # where nothing is left of P^ in half of a table, nothing is beyond it
+    # where P^ is negligible in half of a table, it is so beyond
     if np.all(np.abs(1.0 - known[1][-(count // 4) :]) < _NOTHING):
         more = np.ones_like(new), 1.0 / new
     else:
@@ -337,7 +336,7 @@ def transforms(
 
 @lru_cache(maxsize=256)
 def _series(distribution: Distribution) -> tuple[float, Array, Array]:
-    """Radius within which the series hold to 1e-15, and the coefficients of
+    """Radius within which the series are accurate to 1e-15, and the coefficients of
     ``(1 - P^)/q`` and ``H/q``.
     """
     moments = np.array([distribution.moment(n) for n in range(21)])
@@ -351,6 +350,6 @@ def _series(distribution: Distribution) -> tuple[float, Array, Array]:
         radius = (1e-15 / ratio[3:]) ** (1.0 / n[3:])
     radius[~np.isfinite(radius)] = 0.0
     terms = 3 + int(np.argmax(radius))
-    # A tenth of the width of the distribution: beyond it the closed form loses nothing.
+    # at most a tenth of the distribution's width: beyond, the closed form is accurate
     best = min(float(radius.max()), 0.5 / moments[1])
     return best, first[:terms], second[:terms]

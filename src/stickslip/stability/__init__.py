@@ -1,12 +1,12 @@
-"""Linear stability of smooth sliding: growth rates, critical values, maps, noise of N
-contacts, computed and not swept.
+"""Linear stability of smooth sliding: growth rates, critical values, maps, and the
+noise of N contacts, computed without runs.
 
-A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig
-answers with its impedance ``Z(s)``, the interface with its dynamic stiffness
+A slider that moves at a steady speed is perturbed by a small ``exp(s t)``. The rig
+responds with its impedance ``Z(s)``, the interface with its dynamic stiffness
 ``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is unstable if
 ``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: it
-finds where smooth sliding is unstable to the smallest disturbance. Stick-slip once
-started may live on where smooth sliding is stable; that is for simulation to say.
+finds where smooth sliding is unstable to the smallest perturbation. Stick-slip that has
+started may persist where smooth sliding is stable; only a simulation shows that.
 
 Natural units per contact. A rig is a `Slider` or any mechanical impedance
 (`Impedance`).

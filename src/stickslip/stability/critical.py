@@ -1,9 +1,9 @@
 """Critical values: where smooth sliding loses or regains stability as one parameter is
 varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: it finds
-where smooth sliding is unstable to the smallest disturbance, not where stick-slip, once
-started, decays.
+`critical` finds every crossing along a parameter of a rig. All of this is linear: it
+finds where smooth sliding is unstable to the smallest perturbation, not where
+stick-slip that has started decays.
 """
 
 import math
@@ -28,7 +28,7 @@ from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import SmoothSliding
 from stickslip.words import engineering
 
-# times that a search for a hidden pair of crossings divides its step by eight
+# number of times that the search for a hidden pair of crossings divides its step by 8
 _DEPTH = 6
 _EIGHTHS = np.arange(1, 8) / 8
 Item = TypeVar("Item")
@@ -36,16 +36,16 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Along(Answer, Generic[Item]):
-    """Results along a parameter, rising: it iterates over them.
+    """Results along a parameter, in increasing order; iterating yields the results.
 
-    Nothing is an answer too.
+    An empty result is also an answer.
     """
 
-    _items: ClassVar[str]  # the field that it is in
+    _items: ClassVar[str]  # name of the field that holds the results
 
-    parameter: str  #: what was varied
-    unit: str  #: of its values
-    searched: tuple[float, float]  #: between which values
+    parameter: str  #: name of the parameter that was varied
+    unit: str  #: unit of its values
+    searched: tuple[float, float]  #: range of its values that was searched
 
     @property
     def where(self) -> str:
@@ -69,31 +69,31 @@ class Crossing:
     """A value of a parameter at which a pair of modes of smooth sliding is neutral."""
 
     value: float  #: of the parameter
-    #: angular frequency of the neutral mode, in 1/time; infinite for one that does not
-    #: oscillate
+    #: angular frequency of the neutral mode, in 1/time; infinite for a mode that does
+    #: not oscillate
     frequency: float
     unstable_below: int  #: number of growing modes just below the value
-    unstable_above: int  #: and just above it
+    unstable_above: int  #: number of growing modes just above the value
 
     @property
     def loses_stability(self) -> bool:
-        """Whether smooth sliding is stable just below the value and unstable just
-        above it.
+        """Whether smooth sliding is stable just below the value and unstable just above
+        it.
         """
         return self.unstable_below == 0 < self.unstable_above
 
     @property
     def regains_stability(self) -> bool:
-        """Whether smooth sliding is unstable just below the value and stable just
-        above it.
+        """Whether smooth sliding is unstable just below the value and stable just above
+        it.
         """
         return self.unstable_below > 0 == self.unstable_above
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Crossings(Along[Crossing]):
-    """All crossings along a parameter, rising, and the range in which they were
-    looked for; empty is an answer too.
+    """All crossings along a parameter, in increasing order, and the range searched; an
+    empty result is also an answer.
     """
 
     _items = "found"
@@ -102,13 +102,13 @@ class Crossings(Along[Crossing]):
     unstable_at_ends: tuple[int, int]
     #: every crossing of any mode; `edges` are those where stability itself changes
     found: tuple[Crossing, ...]
-    frequency_unit: str = "cycles per time unit"  #: in which frequencies are printed
+    frequency_unit: str = "cycles per time unit"  #: unit of printed frequencies
 
     def __getitem__(self, index: int) -> Crossing:
         return self.found[index]
 
     def in_units(self, rig: Rig) -> Self:
-        """Return crossings found in natural units in those of a rig."""
+        """Convert crossings found in natural units to the units of a rig."""
         if rig.scales is None:
             return self
         size = rig.unit(self.unit)
@@ -165,27 +165,26 @@ def critical(
 
     The number of growing modes is counted along the range, on a logarithmic grid that
     is refined wherever a pair of crossings may hide between two points; each crossing
-    is then polished by Newton's method in the value and the frequency. There may be
-    several ranges of instability: all are found that are wider than a sixteenth of a
-    decade, and most narrower ones. Along the velocity the crossings are the paper's
-    ``v1``.
+    is then polished by Newton's method in the value and the frequency. Of several
+    ranges of instability all are found that are wider than a sixteenth of a decade, and
+    most narrower ones. Along the velocity the crossings are the paper's ``v1``.
 
     Parameters
     ----------
     rig : Rig
-        The parameter's own value in it matters only where no range is given.
+        The rig; its value of the parameter matters only where no range is given.
     parameter : Parameter or str
         Parameter to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``,
         ``"delay"``, ``"std"``, ``"ageing"``, or a parameter of your own.
     between : (float, float), optional
         Range searched, in the rig's own units, both above 0; or texts with units, as in
-        ``("1 mm/s", "1 m/s")``. By default a factor 30 either way of the rig's value.
+        ``("1 mm/s", "1 m/s")``. By default a factor 30 below and above the rig's value.
 
     Returns
     -------
     Crossings
         Each with the frequency of the neutral mode and its direction, in the rig's own
-        units; none is an answer, too, with the range searched.
+        units; it may be empty, and then still has the range searched.
 
     Raises
     ------
@@ -221,7 +220,7 @@ def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
     Parameters
     ----------
     rig, parameter, between
-        As for `critical`; a `RandomDelay` is scaled as a whole, and its mean is what is
+        As for `critical`; a `RandomDelay` is scaled as a whole, and its mean is
         returned.
 
     Returns
@@ -232,8 +231,8 @@ def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
     Raises
     ------
     UndecidedError
-        If smooth sliding is stable in all of the range, or unstable already at its
-        lower end; the message says which.
+        If smooth sliding is stable in the whole range, or unstable already at its lower
+        end; the message says which.
     """
     varied, natural, low, high = _range(rig, parameter, between)
     found = search(varied, natural, low, high, first=True).in_units(rig)
@@ -246,31 +245,31 @@ def critical_spring(rig: Rig) -> float:
     """Return ``K_c(v)``: smooth sliding is stable on this driving spring and on all
     stiffer ones.
 
-    The slider keeps its mass and damping. No search: at each frequency with
+    The slider keeps its mass and damping. There is no search: at each frequency with
     ``Im(Z + kappa) = 0`` the spring that makes it neutral is known. For an impedance
-    without a ``stiffness`` of its own the spring is put in addition at the interface,
-    and the answer counts from its present static stiffness.
+    without a ``stiffness`` field the spring is added at the interface, and the result
+    counts from the present static stiffness.
 
     Parameters
     ----------
     rig : Rig
-        The stiffness of its spring does not matter.
+        The rig; the stiffness of its spring does not matter.
 
     Returns
     -------
     float
         In the rig's own units; 0 if smooth sliding is stable on any spring (down to
-        1e-6 ``k``). Linear: stick-slip once started may live on stiffer ones.
+        1e-6 ``k``). Linear: stick-slip that has started may persist on stiffer springs.
 
     Raises
     ------
     UndecidedError
-        If there is no such spring as far as one can see: a rig without damping.
+        If no such spring can be found: for a rig without damping.
     """
     sliding = smooth_sliding(rig)
     base = spring_at_contact(sliding.body) or 0.0
     # The softer the springs considered, the longer the scan of a rig without losses:
-    # stop at the first that suffices.
+    # stop at the first scan that suffices.
     for softest in (1e-1, 1e-3, 1e-6):
         try:
             (neutral,) = neutral_frequencies([sliding], softest=softest)
@@ -289,7 +288,7 @@ def _range(
     parameter: Parameter | str,
     between: Ends | None,
 ) -> tuple[Parameter, Rig, float, float]:
-    """The parameter, the rig and the range, in natural units."""
+    """Return the parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     varied = parameter_named(parameter)
     low, high = rig.around(varied) if between is None else rig.span(varied, between)
@@ -318,10 +317,10 @@ def search(
     density: int = 16,
     edges_only: bool = False,
 ) -> Crossings:
-    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to
-    the first edge of stability.
+    """Find crossings from `low` to `high`, with `density` points a decade.
 
-    With `edges_only`, ranges with instability on both sides are not looked into.
+    With `first`, the search ends at the first edge of stability. With `edges_only`,
+    ranges with instability at both ends are not searched.
     """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
@@ -338,7 +337,7 @@ def search(
             begin=len(points) - len(ahead),
             edges_only=edges_only,
         )
-        # the first crossing after a stable point is an edge
+        # The first crossing after a stable point is an edge.
         if first and (points[0].unstable > 0 or found):
             break
     return Crossings(
@@ -351,7 +350,9 @@ def search(
 
 
 def _distinct(found: list[Crossing], apart: float) -> tuple[Crossing, ...]:
-    """Each crossing once, rising: a hidden pair lies between more than three points."""
+    """Return each crossing once, in increasing order, as the search of hidden pairs
+    may find one twice.
+    """
     kept: list[Crossing] = []
     for one in sorted(found, key=lambda crossing: crossing.value):
         same = kept and (kept[-1].unstable_below, kept[-1].unstable_above) == (
@@ -371,16 +372,16 @@ class Line(NamedTuple):
 
     @property
     def slack(self) -> float:
-        """Relative distance within which crossings are one, and belong to a change
-        of the count.
+        """Relative distance within which two crossings count as one, and a crossing
+        belongs to a change of the count.
         """
         return max(1e-6, respond(self.rig.interface).accuracy)
 
     def neutral(
         self, values: Sequence[float], *, softest: float | None = None
     ) -> list[Neutral]:
-        """Neutral frequencies at each value; values that share the interface are
-        computed together.
+        """Return the neutral frequencies at each value; values that share the interface
+        are computed together.
         """
         there = [self.parameter.set(self.rig, value) for value in values]
         found: list[Neutral] = []
@@ -394,11 +395,11 @@ class Line(NamedTuple):
         return found
 
     def look(self, values: Sequence[float]) -> list[LinePoint]:
-        """Points at values."""
+        """Return the points at these values."""
         return [*map(LinePoint, values, self.neutral(values))]
 
     def finer(self, left: LinePoint, right: LinePoint, cuts: Array) -> list[LinePoint]:
-        """Two points, and those at some parts of the way between them."""
+        """Return two points, and points at given fractions of the range between."""
         return [
             left,
             *self.look((left.value * (right.value / left.value) ** cuts).tolist()),
@@ -413,8 +414,8 @@ class Line(NamedTuple):
         begin: int = 1,
         edges_only: bool = False,
     ) -> list[Crossing]:
-        """Crossings between neighbours, from the one before `begin` on, and those
-        that hide about a point.
+        """Return crossings between neighbouring points, from the one before `begin` on,
+        and those that hide near a point.
         """
         found: list[Crossing] = []
         for k in range(begin, len(points)):
@@ -432,8 +433,8 @@ class Line(NamedTuple):
         return found
 
     def between(self, left: LinePoint, right: LinePoint) -> list[Crossing]:
-        """Crossings between two points, by quartering until a part holds one branch
-        that changes sign.
+        """Return crossings between two points, by quartering until a part holds one
+        branch that changes sign.
         """
         below = left.unstable
         above = right.unstable
@@ -470,7 +471,7 @@ class Line(NamedTuple):
             if below == above:
                 return []
             return crossing(left.value, _nearest(left.neutral)[0])
-        # nothing to polish: close in on where it is to change
+        # Without a frequency to polish, close in on the expected change of sign.
         if len(changing) == 1 and math.isinf(changing[0][0]):
             _, e, _, f = changing[0]
             cuts = np.clip(
@@ -485,7 +486,7 @@ class Line(NamedTuple):
         ]
 
     def _total(self, log_value: float, log_omega: Array) -> ComplexArray:
-        """``Z + kappa`` on the axis at a value."""
+        """Return ``Z + kappa`` on the imaginary axis at a value."""
         rig = self.parameter.set(self.rig, math.exp(log_value))
         s = 1j * np.exp(log_omega)
         kappa = respond(rig.interface).stiffness(rig.velocity, s)
@@ -497,8 +498,8 @@ class Line(NamedTuple):
         log_omega: float,
         furthest: float,
     ) -> tuple[float, float] | None:
-        """Newton's method in (log value, log omega) for ``Z + kappa = 0`` on the
-        axis; None if it does not settle.
+        """Solve ``Z + kappa = 0`` on the axis by Newton's method in (log value, log
+        omega); None if it does not converge.
         """
         x = log_value
         y = log_omega
@@ -506,7 +507,7 @@ class Line(NamedTuple):
         response = respond(self.rig.interface)
         if not math.isfinite(y):
             return None
-        # where a difference of logarithms is least in error
+        # step at which a difference in logarithms has the least error
         d = 1e-6 if response.certain else 1e-4
         for _ in range(12):
             f, after, before = self._total(x, y + np.array([0.0, d, -d])).tolist()
@@ -530,18 +531,20 @@ class Line(NamedTuple):
 
 
 def _nearest(neutral: Neutral) -> list[float]:
-    """Neutral frequencies, the one that lacks least spring first, and infinity."""
+    """Neutral frequencies, beginning with that of the smallest extra spring, and
+    infinity.
+    """
     return [*neutral.omega[np.argsort(np.abs(neutral.extra))].tolist(), math.inf]
 
 
 def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, float]]:
-    """Branches present at both points, each the other's nearest: frequency and
-    lacking spring at one, then at two.
+    """Branches present at both points, each the other's nearest: frequency and extra
+    spring at the first point, then at the second.
     """
     here, there = (n.at(np.isfinite(n.extra)) for n in (one.neutral, two.neutral))
     if here.omega.size == 0 or there.omega.size == 0:
         return []
-    # In the logarithm infinity is as near to itself as any other frequency.
+    # In the logarithm the distance of infinity to itself is 0 after this bound.
     apart = np.abs(
         np.log(np.minimum(here.omega[:, None], 1e300) / np.minimum(there.omega, 1e300))
     )
@@ -558,11 +561,11 @@ def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, 
 
 
 def _hides(points: list[LinePoint], close: float) -> bool:
-    """Whether a branch comes near to changing sign about the middle one of three
-    points, and turns back.
+    """Whether a branch comes near to changing sign about the middle of three points,
+    and turns back.
 
-    Near, where the parabola through the three points comes down to a part of the least
-    of them, between them.
+    It does if the minimum of the parabola through the three points lies between them
+    and below the fraction `close` of the least of them.
     """
     before, here, after = points
     if not before.unstable == here.unstable == after.unstable:

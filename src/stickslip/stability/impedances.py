@@ -1,8 +1,8 @@
-"""Holders of the slider: mechanical impedances to stand for ``M s^2 + M eta s + K``.
+"""Mechanical impedances that hold the slider, in place of ``M s^2 + M eta s + K``.
 
-A rig answers one question: which force per contact, applied where the contacts act,
-moves the slider by ``exp(s t)``? That is its impedance ``Z(s)`` (a dynamic stiffness,
-force over displacement). Natural units per contact.
+The impedance ``Z(s)`` of a rig is the force per contact, applied where the contacts
+act, that moves the slider by ``exp(s t)`` (a dynamic stiffness, force over
+displacement). Natural units per contact.
 """
 
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ class Impedance(Protocol):
     """A mechanical impedance: force over displacement at complex `s`, per contact, in
     units of ``k``.
 
-    It must be passive (``Im Z(i w) >= 0`` for ``w > 0``: the rig takes energy out and
-    puts none in), analytic for ``Re s >= 0``, real on the real axis, and hold the
-    slider (``Z(0) > 0``). A plain function will do. The count of unstable modes is
-    guaranteed for the records of this module; for a function it rests on sampling.
+    It must be passive (``Im Z(i w) >= 0`` for ``w > 0``: the rig only dissipates
+    energy), analytic for ``Re s >= 0``, real on the real axis, and hold the slider
+    (``Z(0) > 0``). A plain function is allowed. The count of unstable modes is
+    guaranteed for the records of this module; for a function it depends on sampling.
     """
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
@@ -36,7 +36,7 @@ class Impedance(Protocol):
 
 
 Body = Slider | Impedance
-"""A body, as the functions of this package take it."""
+"""A body in the form that the functions of this package take."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,8 @@ class RadiationDamping(Record):
 def impedance(body: Body) -> Impedance:
     """Return the rig's impedance.
 
-    Raises `InputError` if it is neither, or ``Z(0)`` is not above 0.
+    Raises `InputError` if the body is neither a slider nor an impedance, or ``Z(0)`` is
+    not above 0.
     """
     if isinstance(body, Slider | RadiationDamping | Structure):
         if isinstance(body, Structure) and not body.passive:
@@ -96,8 +97,8 @@ def impedance(body: Body) -> Impedance:
 
 
 def _check_held(body: Structure) -> None:
-    """Raise `InputError` for a body that is unstable with its sliding surface held
-    still: unstable modes are counted from there.
+    """Raise `InputError` for a body that is unstable when its sliding surface is held
+    still, as the count of unstable modes starts from that state.
     """
     held = poles(body)
     size = float(np.max(np.abs(held), initial=0.0))
@@ -109,15 +110,15 @@ def _check_held(body: Structure) -> None:
 
 
 def is_plain(body: Impedance) -> bool:
-    """Whether ``Z = K + r s + M s^2``, whose real part falls and whose loss rises
-    with frequency.
+    """Whether ``Z = K + r s + M s^2``: its real part falls and its loss rises with
+    frequency.
     """
     return isinstance(body, Slider | RadiationDamping)
 
 
 def resonances(body: Impedance) -> Array:
-    """Frequencies about which the impedance may change quickly: its peaks and dips,
-    with their widths.
+    """Frequencies near which the impedance may change quickly: its peaks and dips, with
+    their widths.
     """
     if not isinstance(body, Structure):
         return np.empty(0)
@@ -134,7 +135,7 @@ def poles(body: Impedance) -> ComplexArray:
     """Poles of the impedance: the modes of the structure with its sliding surface held
     still.
 
-    These have ``contact z = contact z' = 0``, and the force that keeps both at 0.
+    In these ``contact z = contact z' = 0``, by the force that keeps both at 0.
     """
     if not isinstance(body, Structure):
         return np.empty(0, dtype=complex)
@@ -146,13 +147,13 @@ def poles(body: Impedance) -> ComplexArray:
 
 
 def _unit(vector: Array) -> Array:
-    """Vector of length 1 along another."""
+    """Return the vector of length 1 in the same direction."""
     return np.asarray(vector / np.linalg.norm(vector))
 
 
 def spring_at_contact(body: Impedance) -> float | None:
-    """Stiffness of the driving spring where it pulls at the contacts, so that it adds
-    to the impedance; None elsewhere.
+    """Stiffness of a driving spring that pulls at the contacts, and so adds to the
+    impedance; None if it pulls elsewhere.
     """
     if isinstance(body, Structure):
         drive = getattr(body, "drive", None)
@@ -164,7 +165,7 @@ def spring_at_contact(body: Impedance) -> float | None:
 
 @lru_cache(maxsize=64)
 def _roots(*coefficients: float) -> ComplexArray:
-    """Roots of a polynomial, of which several questions are asked."""
+    """Roots of a polynomial, cached as they are needed several times."""
     return np.roots(coefficients).astype(complex)
 
 

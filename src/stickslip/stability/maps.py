@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 Window = tuple[Ends, Ends]
 Over = tuple[Parameter | str, Parameter | str]
 
-# lines across the window in each direction, where a line is cheap
+# lines across the window in each direction, where the points of a line share a response
 LINES = 65
-FEW_LINES = 33  # where each point on a line needs a response of its own
+FEW_LINES = 33  # where each point of a line needs its own response
 
 
 def boundary(
@@ -48,30 +48,30 @@ def boundary(
     """Find where smooth sliding loses or regains stability in a window of two
     parameters.
 
-    The contour between stable and unstable points of a grid, each of its points then
-    polished by Newton's method along its line of the grid, as `critical` does: folds
-    and re-entrant branches are nothing special, closed curves close. An island or a bay
-    narrower than the grid, a 32nd of the window (over the stiffness a 64th), may be
-    missed.
+    A contour is drawn between stable and unstable points of a grid, and each of its
+    points is polished by Newton's method along its line of the grid, as in `critical`:
+    folds and re-entrant branches need no special treatment, and closed curves close. An
+    island or a bay narrower than the grid, a 32nd of the window (over the stiffness a
+    64th), may be missed.
 
     Parameters
     ----------
     rig : Rig
-        The values of the two parameters in it do not matter.
+        The rig; its values of the two parameters do not matter.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
     between : ((float, float), (float, float))
         Range of each, in the rig's own units.
     progress : callable, optional
-        Called with the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
     xarray.Dataset
         Along ``point``: the two parameters, ``frequency`` (angular, of the neutral
-        mode; infinite where it does not oscillate) and ``curve`` (which curve the point
-        is on; points of a curve follow each other). No points where there is no
-        boundary; the window searched is in ``attrs``.
+        mode; infinite where it does not oscillate) and ``curve`` (the number of the
+        curve that the point is on; points of a curve follow each other). It has no
+        points where there is no boundary; the window searched is in ``attrs``.
 
     Raises
     ------
@@ -118,30 +118,29 @@ def stability_map(
 ) -> xr.Dataset:
     """Count the growing modes of smooth sliding on a grid of two parameters.
 
-    Over the stiffness of a rig nothing is repeated: for each value of the other
-    parameter the springs that make a mode neutral are computed, and each column of the
-    map read off them.
+    Over the stiffness of a rig nothing is computed twice: for each value of the other
+    parameter the springs that make a mode neutral are computed, and a column of the map
+    follows from them.
 
     Parameters
     ----------
     rig : Rig
-        The values of the two parameters in it do not matter.
+        The rig; its values of the two parameters do not matter.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
     values : (array_like, array_like)
-        Values of each, all above 0, in the rig's own units.
+        Values of each parameter, all above 0, in the rig's own units.
     growth : bool
-        Whether to give the growth rate and frequency of the fastest mode as well, which
-        takes some milliseconds a point.
+        Whether to return the growth rate and frequency of the fastest mode as well,
+        which takes some milliseconds a point.
     progress : callable, optional
-        Called with the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
     xarray.Dataset
         ``unstable_modes`` over the two parameters; with `growth`, ``growth_rate`` and
-        ``frequency`` of the root furthest to the right (NaN where no mode decays
-        exponentially).
+        ``frequency`` of the rightmost root (NaN where no mode decays exponentially).
 
     Raises
     ------
@@ -196,7 +195,7 @@ def stability_map(
 
 
 def _unheard(_done: float) -> None:
-    """Progress that nobody asked for."""
+    """Ignore the progress."""
 
 
 def _two_parameters(
@@ -214,8 +213,8 @@ def _two_parameters(
 
 
 def _is_free(parameter: Parameter, rig: Rig) -> bool:
-    """Whether the parameter adds the same to ``Z`` at every frequency: one set of
-    neutral frequencies for all.
+    """Whether the parameter adds the same to ``Z`` at every frequency, so that one set
+    of neutral frequencies serves all its values.
     """
     return parameter is STIFFNESS and spring_at_contact(rig.slider) is not None
 
@@ -228,14 +227,14 @@ class _MapGrid(NamedTuple):
     values: list[Array]
 
     def neutral(self, report: Progress) -> list[list[Neutral]]:
-        """Neutral frequencies at each point, by the first parameter and then by the
-        second.
+        """Return the neutral frequencies at each point, by the first parameter and then
+        by the second.
         """
-        # the spring is another in units that change
+        # where the units change, so does the spring
         rescaled = any(parameter.rescales for parameter in self.parameters)
         frees = [not rescaled and _is_free(each, self.rig) for each in self.parameters]
         free = frees.index(True) if any(frees) else None
-        # Along the velocity, points share a response.
+        # Points along the velocity share a response.
         outer = free if free is not None else int(self.parameters[0] is VELOCITY)
         rows = self.values[outer].tolist()
         line = self.values[1 - outer].tolist()
@@ -244,7 +243,7 @@ class _MapGrid(NamedTuple):
             for value in rows:
                 found.append(self.line(1 - outer, value).neutral(line))
                 report(len(found) / len(rows))
-        else:  # a stiffer spring lacks less by its difference
+        else:  # a stiffer spring reduces each extra spring by its difference
             softest = min(rows)
             known = self.line(1 - outer, softest).neutral(line, softest=softest)
             found = [
@@ -257,8 +256,8 @@ class _MapGrid(NamedTuple):
         return found if outer == 0 else [list(row) for row in zip(*found, strict=True)]
 
     def line(self, k: int, value: float) -> Line:
-        """The rig along parameter `k`, the other at a value: one that changes the
-        units of the rig is set last.
+        """Return the rig along parameter `k`, with the other parameter at a value; one
+        that changes the units of the rig is set last.
         """
         mine = self.parameters[k]
         other = self.parameters[1 - k]
@@ -272,8 +271,8 @@ class _MapGrid(NamedTuple):
     def fastest(
         self, counts: NDArray[np.int64], report: Progress
     ) -> NDArray[np.complex128]:
-        """Root furthest right at each point, carried from neighbour to neighbour and
-        checked against the count.
+        """Return the rightmost root at each point, followed from neighbour to neighbour
+        and checked against the count.
         """
         found = np.full(counts.shape, complex(math.nan, math.nan))
         for j, b in enumerate(self.values[1].tolist()):
@@ -282,8 +281,8 @@ class _MapGrid(NamedTuple):
             for i, a in enumerate(self.values[0].tolist()):
                 here = column.parameter.set(column.rig, a)
                 sliding = smooth_sliding(here)
-                # Every few points the search starts afresh, for a root that overtakes
-                # from outside those carried along.
+                # Every few points the search starts anew, in case another root
+                # overtakes those that are followed.
                 for starts in (known[:8] if i % 16 else known[:0], known[:0]):
                     known = roots.near(sliding, starts)
                     if roots.is_rightmost(sliding, known, int(counts[i, j])):
@@ -298,7 +297,7 @@ class _MapGrid(NamedTuple):
         return found
 
     def contour(self, report: Progress) -> list[Array]:
-        """Lines between stable and unstable points: both parameters and the
+        """Return curves between stable and unstable points: both parameters and the
         frequency, shape (n, 3) each.
         """
         import contourpy
@@ -308,8 +307,8 @@ class _MapGrid(NamedTuple):
             [[neutral.unstable() > 0 for neutral in row] for row in points]
         )
         lines = contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0)
-        # Each point of the contour lies half way between a stable and an unstable
-        # point of the grid.
+        # Each point of the contour is halfway between a stable and an unstable point of
+        # the grid.
         sides_of_lines = [
             [(i, j) for j, i in np.asarray(line).tolist()] for line in lines
         ]
@@ -332,8 +331,8 @@ class _MapGrid(NamedTuple):
         i: float,
         j: float,
     ) -> tuple[float, float, float] | None:
-        """The boundary itself on the side of a cell, of which ``(i, j)`` is the
-        middle, and the frequency there.
+        """Return the boundary on the side of a cell whose middle is ``(i, j)``, and the
+        frequency there.
         """
         ends = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
         k = 0 if ends[1][0] > ends[0][0] else 1
@@ -351,7 +350,9 @@ class _MapGrid(NamedTuple):
     def dataset(
         self, call: str, columns: dict[str, Labelled], **more: object
     ) -> xr.Dataset:
-        """Columns with what made them; a slider that is a function is but named."""
+        """Return columns with their provenance; a slider that is a function is recorded
+        by its name only.
+        """
         import xarray as xr
 
         rig = self.rig

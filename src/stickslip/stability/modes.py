@@ -1,8 +1,8 @@
-"""Modes of smooth sliding: how the contacts answer a perturbation, how many modes grow,
-and how fast.
+"""Modes of smooth sliding: dynamic stiffness of the contacts, number of growing modes,
+and growth rate.
 
-Roots of ``Z(s) + kappa(s) = 0``, with ``Z`` the impedance of the rig and ``kappa`` the
-dynamic stiffness of the contacts.
+Modes are roots of ``Z(s) + kappa(s) = 0``, with ``Z`` the impedance of the rig and
+``kappa`` the dynamic stiffness of the contacts.
 """
 
 import numpy as np
@@ -29,13 +29,13 @@ def dynamic_stiffness(
     Parameters
     ----------
     interface : Interface
-        The contacts. Without delay the answer is 0 at every `s`.
+        The contacts. Without delay the result is 0 at every `s`.
     velocity : float
         Speed of smooth sliding, in ``x_s`` per time.
     s : array_like of complex
-        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis
-        and to its right for every distribution, to its left as far as the distribution
-        of thresholds has a transform.
+        Growth rate plus ``i`` times angular frequency, in 1/time. On the imaginary axis
+        and to its right any distribution is allowed; to the left `s` is limited to
+        where the distribution of thresholds has a transform.
 
     Returns
     -------
@@ -45,17 +45,17 @@ def dynamic_stiffness(
     Raises
     ------
     InputError
-        If contacts never re-attach (no steady sliding), age by `Langevin` at a
-        temperature, or all share one threshold and one delay; if `s` lies where the
+        If contacts never re-attach (no steady sliding), age by `Langevin` under thermal
+        activation, or all share one threshold and one delay; if `s` lies where the
         transform does not exist or overflows.
 
     Notes
     -----
-    Distributions without a closed transform (`LogNormal`, `Weibull`) cost some ten
+    Distributions without a closed transform (`LogNormal`, `Weibull`) take about ten
     microseconds a point. The relative error is about 1e-12, for distributions with very
-    heavy tails down to 1e-8 at small `s`; with thresholds that age 1e-6 (1e-4 at
-    ``v = .05 rate**2``, 2e-3 at a tenth of that), with temperature or thresholds that
-    grow by a fixed rule 1e-7.
+    heavy tails down to 1e-8 at small `s`; with thresholds that age by `Langevin` 1e-6
+    (1e-4 at ``v = .05 rate**2``, 2e-3 at a tenth of that), with thermal activation or
+    thresholds that grow by a fixed rule 1e-7.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     try:
@@ -71,8 +71,8 @@ def count_unstable(rig: Rig) -> int:
     ``Re s > 0``.
 
     At each frequency with ``Im(Z + kappa) = 0`` some extra spring at the interface
-    makes a mode neutral. Modes come to grow as that spring is taken away: as many do as
-    such frequencies lack stiffness, less those that have too much.
+    makes a mode neutral. As that spring is removed modes begin to grow: their number is
+    that of the frequencies that lack stiffness, less those that have too much.
 
     Parameters
     ----------
@@ -101,9 +101,9 @@ def growth_rate(rig: Rig) -> complex:
     """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth
     rate plus ``i`` angular frequency.
 
-    Newton's method from starts all along the axis finds candidates; the argument
-    principle on a line just left of the best one confirms that there is no other to its
-    right.
+    Newton's method from starts along the whole axis finds candidates; the argument
+    principle on a line just left of the best one confirms that no other root lies to
+    the right of it.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def growth_rate(rig: Rig) -> complex:
     -------
     complex
         In 1/time of the rig's own units, with an imaginary part of 0 or above. A
-        negative real part is the slowest decay, of the slider or of the contacts' own
-        ringing.
+        negative real part is the slowest decay, of the slider or of the ringing of the
+        contacts.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def growth_rate(rig: Rig) -> complex:
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
         If smooth sliding is stable but no mode decays exponentially: a distribution of
-        thresholds with a heavy tail, or a rig without mass nor losses on an interface
+        thresholds with a heavy tail, or a rig without mass and losses on an interface
         without delay.
 
     Notes

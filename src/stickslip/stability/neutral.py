@@ -1,5 +1,5 @@
-"""Neutral frequencies: where on the imaginary axis some extra spring at the interface
-would make a mode neutral.
+"""Neutral frequencies: points on the imaginary axis at which some extra spring at the
+interface would make a mode neutral.
 
 On the axis the interface and the rig separate: with ``kappa`` computed once, each
 frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring,
@@ -20,7 +20,8 @@ from stickslip.stability.scan import SmoothSliding, loss, scan
 class Neutral(NamedTuple):
     """Frequencies at which some extra spring at the interface makes a mode neutral.
 
-    With less extra stiffness than `extra`, `modes` more modes grow (2, or -2).
+    If the extra stiffness falls below `extra`, the number of growing modes increases by
+    `modes` (2, or -2).
     """
 
     omega: Array
@@ -28,7 +29,7 @@ class Neutral(NamedTuple):
     modes: NDArray[np.int64]
 
     def at(self, index: NDArray[Any]) -> "Neutral":
-        """Some of them."""
+        """Return those at given indices."""
         return Neutral(*(each[index] for each in self))
 
     def unstable(self, added: float = 0.0) -> int:
@@ -42,19 +43,18 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 def neutral_frequencies(
     rigs: Sequence[SmoothSliding], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on each body at its
-    velocity, or on stiffer ones too; the contacts of all are the same.
+    """Return the zeros of ``Im(Z + kappa)`` on the axis that affect the stability of
+    each body at its velocity; the contacts of all are the same.
 
-    With `softest` given the answer holds for every rig that has the same losses and
-    masses and a total static stiffness of at least `softest`, else for the rig itself
-    only.
+    With `softest` the result holds for every rig that has the same losses and masses
+    and a total static stiffness of at least `softest`, else only for the rig itself.
     """
     response = rigs[0].response
     if response.inert:
         return [NOTHING for _ in rigs]
     scans = [scan(rig, softest) for rig in rigs]
     brackets = [_brackets(rig, *seen) for rig, seen in zip(rigs, scans, strict=True)]
-    # All rigs at once: a call costs the same for one frequency and for a hundred.
+    # All rigs together, as a call takes as long for a hundred frequencies as for one.
     counts = [left.size for left, _, _ in brackets]
     left = np.concatenate([each[0] for each in brackets])
     right = np.concatenate([each[1] for each in brackets])
@@ -91,22 +91,22 @@ def neutral_frequencies(
 
 
 def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Zeros in brackets, by secants that keep them (Illinois); an end where rounding
-    left no change of sign.
+    """Find zeros in brackets by the Illinois method (secants that keep a bracket); the
+    end of a bracket where rounding removes the change of sign.
     """
     before = f(left)
     last = f(right)
-    for _ in range(60):  # at the very worst as many as halving takes
+    for _ in range(60):  # in the worst case as many as bisection takes
         step = np.divide(
             last * (right - left),
             last - before,
             out=np.zeros_like(last),
             where=before * last < 0,
         )
-        if np.all(np.abs(step) <= 1e-12 * right):  # kappa is known to that at best
+        if np.all(np.abs(step) <= 1e-12 * right):  # the best accuracy of kappa
             break
         here = f(right - step)
-        # An end that stays does so with half its weight.
+        # an end that is kept again counts with half its value
         left, before = np.where(here * last > 0, (left, 0.5 * before), (right, last))
         right = right - step
         last = here
@@ -133,8 +133,8 @@ def _brackets(
     for _ in range(6):
         if low.size == 0:
             break
-        # A pair of zeros may be much closer than two frequencies of the scan: close in
-        # on the dip until it is decided.
+        # A pair of zeros may be much closer than two frequencies of the scan: refine
+        # the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
         parts = sliding.response.parts(sliding.velocity, 1j * fine)
         total = loss(sliding.body(1j * fine), parts)
@@ -164,25 +164,25 @@ def _beyond(
     softest: float | None,
 ) -> tuple[Any, Any, Any]:
     """Frequency, extra stiffness and number of the modes that cross beyond the end of
-    the scan; empty arrays for none.
+    the scan; empty arrays if there are none.
     """
     z = complex(sliding.body(np.array([1j * end]))[0])
     at_rest = complex(sliding.body(np.array([0j]))[0])
     total = z + complex(sliding.response.stiffness(sliding.velocity, 1j * end))
-    # without mass and damping: half a turn, which both then keep, is what one real mode
-    # makes
+    # Without mass and damping half a turn remains at high frequency, which is one real
+    # mode.
     if z == at_rest:
         return math.inf, -total.real, 1
     angle_of_body = math.atan2(max(z.imag, 0.0), z.real)
     turned = math.atan2(total.imag, total.real) - angle_of_body
-    # Cut off for |kappa| < |Z| just past half a turn, which is never completed.
+    # For |kappa| < |Z| just past half a turn, the turn is never completed.
     if softest is None and turned < -math.pi:
         return math.inf, math.inf, 2
     return NOTHING
 
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:
-    """Indices of local minima of ``|value|`` where a parabola through three points
+    """Indices of local minima of ``|value|`` at which a parabola through three points
     comes near zero.
     """
     side = np.sign(value[1:-1])

@@ -1,15 +1,15 @@
-"""The noise of N contacts: how much a rig moves in smooth sliding that is stable,
-because its contacts are few.
+"""The noise of N contacts: fluctuations of a rig in stable smooth sliding, because the
+number of its contacts is finite.
 
-In steady sliding each contact is a renewal process: it is pulled, breaks, waits for its
-delay and starts anew, and its force has the spectrum ``S_1``
+In steady sliding the force of each contact is a renewal process: it is pulled, breaks,
+waits for its delay and starts anew, with the spectrum ``S_1``
 (`stickslip.sliding.response.Unperturbed.noise`). Contacts break independently, and the
-slider answers to the sum of them by its own response,
+slider responds to their sum linearly,
 
     S_X(w) = S_1(w)/(N |Z(i w) + kappa(i w)|^2),   variance = (1/pi) Int_0^inf S dw
 
-per contact; the spring force is ``K`` times the displacement. It is not in the paper:
-leading order in ``1/N``.
+per contact; the spring force is ``K`` times the displacement. The result is not in the
+paper; it is the leading order in ``1/N``.
 """
 
 import math
@@ -39,21 +39,23 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# of each variance, at most, where a panel is halved no more, and beyond the ends
+# relative error of each variance at which a panel is not halved further, and of the
+# parts beyond the ends
 _LOST = 1e-5
-# of the frequency, in units of one over the mean cycle of a contact
+# octaves of the frequency in units of one over the mean cycle of a contact
 _OCTAVES = np.arange(-44.0, 45.0)
-_PANELS = 1 << 15  # of them at once: where they are more, halving finds rounding
+_PANELS = 1 << 15  # most panels at once: with more, halving resolves only rounding
 _NODE = np.polynomial.legendre.leggauss(16)[0]
-# a rule on every other node of `nodes_between`: where it will do, that on all of them
-# does well
+# a rule on every other node of `nodes_between`: where it is accurate enough, the rule
+# on all nodes is accurate
 _ROUGH = np.zeros(16)
 _ROUGH[::2] = np.linalg.solve(
     np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0]
 )
-# error of the size of fluctuations in a run that is long enough
+# relative error of the fluctuations in a run of recommended length
 _ERROR = 0.05
-# in the same unit, below which the noise is white and kappa goes with the frequency
+# frequency, in the same unit, below which the noise is white and kappa proportional to
+# the frequency
 _SLOWEST = 1e-4
 
 
@@ -63,26 +65,26 @@ class ContactNoise(Answer):
     units.
     """
 
-    contacts: int  #: their number ``N``
+    contacts: int  #: number of contacts ``N``
     spring_force: float  #: root mean square of its deviations from the mean
-    velocity: float  #: of the slider, the same
+    velocity: float  #: root mean square of the slider's deviations from the mean
     mean_spring_force: float
-    mean_velocity: float  #: that of the drive
+    mean_velocity: float  #: equal to that of the drive
 
-    #: Time over which the deviations of the spring force are alike: the integral of the
-    #: square of their correlation. A run of time ``T`` holds ``T/memory`` independent
-    #: deviations; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
+    #: Correlation time of the spring force: the integral of the square of its
+    #: correlation. A run of time ``T`` holds ``T/memory`` independent deviations; for a
+    #: mode that decays at the rate ``g`` it is ``1/(2 g)``.
     memory: float
 
-    rig: Rig = field(compare=False)  #: whose noise it is
+    rig: Rig = field(compare=False)  #: the rig with this noise
 
-    # frequencies and the spectra of both there, in the rig's own units
+    # frequencies, and the spectra of force and velocity there, in the rig's own units
     _spectra: tuple[Array, Array, Array] = field(compare=False)
 
     @cached_property
     def spectrum(self) -> "xr.Dataset":
-        """One-sided spectra of both along ``frequency``, in Hz (cycles per time in
-        natural units): their integrals are the squares of the above.
+        """One-sided spectra of force and velocity along ``frequency``, in Hz (cycles
+        per time in natural units): their integrals are the squares of the deviations.
         """
         import xarray as xr
 
@@ -112,28 +114,28 @@ class ContactNoise(Answer):
 
     @property
     def relative_velocity(self) -> float:
-        """Root mean square of the slider's velocity about the drive's, over the
-        drive's.
+        """Root mean square deviation of the slider's velocity from the drive's, over
+        the drive's.
         """
         return self.velocity / self.mean_velocity
 
     @property
     def linear(self) -> bool:
-        """Whether the slider deviates little from its mean velocity: by less than that,
-        root mean square.
+        """Whether linear theory applies: the root mean square deviation of the slider's
+        velocity is less than its mean.
 
-        Beyond, it stops and turns back at times, where contacts answer otherwise than
+        Above that it sometimes stops and moves back, where contacts do not respond as
         to a small perturbation.
         """
         return self.relative_velocity < 1.0
 
     @cached_property
     def growth_rate(self) -> float:
-        """Rate of the slowest mode, below 0; no number where no mode decays
-        exponentially. See `growth_rate`.
+        """Growth rate of the slowest mode, below 0, as in `stability.growth_rate`; NaN
+        where no mode decays exponentially.
 
-        A run from a steady state has the noise when this times its length is below some
-        -10.
+        A run from a steady state has reached the noise when this times its length is
+        below about -10.
         """
         try:
             return modes.growth_rate(self.rig).real
@@ -141,12 +143,13 @@ class ContactNoise(Answer):
             return math.nan
 
     def contacts_for(self, fraction: float, *, of: str = "force") -> int:
-        """Return from how many contacts on the noise is below a fraction of the mean.
+        """Return the number of contacts from which on the noise is below a fraction of
+        the mean.
 
         Parameters
         ----------
         fraction : float
-            Root mean square over the mean: 0.05 is 5 %.
+            Root mean square over the mean; 0.05 is 5 %.
         of : {"force", "velocity"}
             The spring force, or the slider's velocity.
 
@@ -164,8 +167,8 @@ class ContactNoise(Answer):
         return max(math.ceil(self.contacts * (relative[of] / most) ** 2), 1)
 
     def error(self, duration: float) -> float:
-        """Return the standard error of the root mean square of the spring force in one
-        run of a duration, relative.
+        """Return the relative standard error of the root mean square of the spring
+        force in one run of a given duration.
 
         Raises
         ------
@@ -224,7 +227,7 @@ class ContactNoise(Answer):
         import matplotlib.style
         from matplotlib.figure import Figure
 
-        # by its name: pictures are of a higher layer
+        # the style is found by name, as plotting is a layer above
         with matplotlib.style.context("stickslip.plot.house"):
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
             for ax, name in zip(
@@ -243,12 +246,12 @@ def _percent(part: float) -> str:
 
 
 def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
-    """Return how much the spring force and the slider's velocity fluctuate in smooth
-    sliding, for N contacts.
+    """Return the fluctuations of the spring force and the slider's velocity in smooth
+    sliding with N contacts.
 
-    Linear theory, without a run: each contact is pulled, breaks and re-attaches at
-    random, and the slider answers to their sum by its own response. So a stable rig
-    oscillates, and the more so the nearer to its stability limit.
+    This is linear theory, without a run: each contact is pulled, breaks and re-attaches
+    at random, and the slider responds to their sum. So even a stable rig oscillates,
+    and more so near its stability limit.
 
     Parameters
     ----------
@@ -268,7 +271,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         If smooth sliding is unstable, or there is none; if the rig's method has no
         number of contacts and none is given; if the slider is elastic, or has no mass;
         if contacts differ in area, re-attach with stretchings that scatter, or age by a
-        rule of your own.
+        user's own rule.
     UndecidedError
         If smooth sliding is neutral to within rounding.
 
@@ -307,7 +310,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
             f"{growing} growing modes: the rig leaves it, however many its contacts; "
             "simulate(rig) shows for what"
         )
-    # others may not be fit for the key of a table
+    # a body that is not a plain record may not be hashable
     known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__
     omega, weight, displaced = known(sliding)
     moved = omega**2 * displaced
@@ -355,7 +358,9 @@ def _pulls(structure: Structure, omega: Array) -> Array:
 
 
 def _fluctuations_of(sliding: SmoothSliding) -> Callable[[Array], Fluctuations]:
-    """Fluctuations at any frequencies, from a table where they are expensive."""
+    """Return fluctuations as a function of frequencies, from a table where they are
+    expensive.
+    """
     response, _, velocity = sliding
     lowest = _SLOWEST / sliding.scales.cycle
     highest = math.inf
@@ -385,11 +390,11 @@ def _fluctuations_of(sliding: SmoothSliding) -> Callable[[Array], Fluctuations]:
 
 @lru_cache(maxsize=64)
 def _spectrum(sliding: SmoothSliding) -> tuple[Array, Array, Array]:
-    """Frequencies, their weights in an integral, and the spectrum of the displacement
-    there for one contact.
+    """Return frequencies, their weights in an integral, and the spectrum of the
+    displacement there for one contact.
 
-    On panels that are halved until that changes neither the variance of the
-    displacement nor that of the velocity.
+    Panels are halved until halving changes neither the variance of the displacement nor
+    that of the velocity.
     """
     known = _fluctuations_of(sliding)
     body = sliding.body

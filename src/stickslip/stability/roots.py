@@ -1,9 +1,9 @@
-"""The one root finder for ``Z + kappa``, whatever the contacts and the rig.
+"""The root finder for ``Z + kappa``, for any contacts and any rig.
 
-Growing modes are counted from the neutral frequencies. Newton's method looks for roots
+Growing modes are counted from the neutral frequencies. Newton's method searches roots
 from the dips of its step along the imaginary axis, then along lines beside it; the
-rightmost is confirmed by the count, and where a response can be followed left of the
-axis, by the argument principle on a line just left of it.
+rightmost root is confirmed by the count and, where a response is known to the left of
+the axis, by the argument principle on a line just left of the root.
 """
 
 import math
@@ -25,11 +25,12 @@ from stickslip.stability.impedances import (
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import SmoothSliding, doubtful_below, merged
 
-# on a line left of the axis, to count the roots on its right
+# most frequencies on a line left of the axis on which the roots to its right are
+# counted
 _MOST_FREQUENCIES = 1 << 15
-# errors of a response, at most, in the extra stiffness of a neutral mode
+# factor on the error of a response in the extra stiffness of a neutral mode
 _ROUNDINGS = 10.0
-# points about a root from which Newton's method takes the value and its slope
+# points near a root from which Newton's method takes the value and its slope
 _ABOUT = np.array([0.0, 1.0, -1.0])
 
 
@@ -39,8 +40,8 @@ def _kept_neutral(sliding: SmoothSliding) -> Neutral:
 
 
 def _neutral(sliding: SmoothSliding) -> Neutral:
-    """Neutral frequencies of one body, which several questions about it need."""
-    # others may not be fit for the key of a table
+    """Return the neutral frequencies of one body, cached where possible."""
+    # a body that is not a plain record may not be hashable
     known: Any = _kept_neutral if is_plain(sliding.body) else _kept_neutral.__wrapped__
     found: Neutral = known(sliding)
     return found
@@ -73,7 +74,7 @@ def rightmost(sliding: SmoothSliding) -> complex:
     neutral = _neutral(sliding)
     growing = neutral.unstable()
     response = sliding.response
-    # modes on the stability boundary grow by rounding, or do not
+    # rounding decides whether modes on the stability boundary grow
     margin = response.accuracy * (_ROUNDINGS if response.certain else 1.0)
     fewest, most = sorted(neutral.unstable(added) for added in (margin, -margin))
     scales = sliding.scales
@@ -102,8 +103,8 @@ def rightmost(sliding: SmoothSliding) -> complex:
 
 
 def near(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
-    """Return roots near those of a neighbouring rig, rightmost first; without any,
-    roots near the axis.
+    """Return the roots near those of a neighbouring rig, rightmost first; without any,
+    the roots near the axis.
     """
     if starts.size == 0:
         starts = np.concatenate(
@@ -116,8 +117,8 @@ def near(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
 
 
 def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
-    """Lines beside the axis to look along, in units of the inverse memory of the
-    response.
+    """Return the lines beside the axis along which to search, as real parts in units of
+    the inverse pace of the response.
     """
     if growing:
         return (0.0, 0.3, 1.0, 3.0, 0.1)
@@ -127,7 +128,7 @@ def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
 
 
 def with_partners(roots: ComplexArray) -> int:
-    """Number of roots, a complex pair counting 2."""
+    """Number of roots, where a complex pair counts as 2."""
     return int(np.sum(np.where(roots.imag > 0, 2, 1)))
 
 
@@ -136,8 +137,8 @@ def _value(
     s: ComplexArray,
     parts: Parts | None = None,
 ) -> ComplexArray:
-    """``Z + kappa`` times the denominator of kappa, without its zero at 0; not
-    finite where it overflows. The parts of kappa may be known.
+    """Return ``Z + kappa`` times the denominator of kappa, without its zero at 0; not
+    finite where it overflows. The parts of kappa may be given.
     """
     response = sliding.response
     with np.errstate(all="ignore"):
@@ -148,12 +149,12 @@ def _value(
 def _first_starts(
     sliding: SmoothSliding, neutral: Neutral | None = None
 ) -> ComplexArray:
-    """Modes of the rig alone, neutral modes, and where ``Z + kappa`` changes sign on
-    the real axis.
+    """Return starts of Newton's method: modes of the rig alone, neutral modes, and
+    changes of sign of ``Z + kappa`` on the real axis.
     """
     own = natural_frequencies(sliding.body)
     cycle, _, _, _, limit = sliding.scales
-    # Far right kappa falls at the rate at which contacts come to attach.
+    # Far to the right kappa falls with the rate at which contacts attach.
     inert = sliding.response.inert
     soft = 0.0 if inert else 1.0 / (cycle * sliding.static_stiffness)
     top = 10 * max(1 / cycle, soft, float(np.max(np.abs(own), initial=0.0)))
@@ -173,8 +174,8 @@ def _first_starts(
 
 
 def _starts_from_line(sliding: SmoothSliding, line: float) -> ComplexArray:
-    """Where Newton's method would go in one step from points along a line: the roots
-    near it, and some more.
+    """Return starts one step of Newton's method away from points along a line: the
+    roots near it, and some more.
     """
     cycle, pace, _, fastest, _ = sliding.scales
     top = 10.0 / cycle + fastest
@@ -191,16 +192,16 @@ def _starts_from_line(sliding: SmoothSliding, line: float) -> ComplexArray:
     with np.errstate(all="ignore"):
         step = -value / (-1j * np.gradient(value, omega))
     size = np.abs(step)
-    # One start from each dip of the step along the line; roots further off have no dip
-    # of their own.
+    # One start from each dip of the step along the line; roots further away have no dip
+    # near them.
     dip = np.isfinite(size) & (size < 5.0 / pace)
     dip[1:-1] &= (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
     return (line + 1j * omega + step)[dip]
 
 
 def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
-    """Distinct roots that Newton's method reaches, right of the limit; one of each
-    pair, rightmost first.
+    """Return distinct roots to which Newton's method converges, right of the limit; one
+    of each pair, rightmost first.
     """
     cycle, pace, _, _, limit = sliding.scales
     longest = 1.0 / pace
@@ -209,8 +210,8 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
         own = natural_frequencies(sliding.body)
         widths = np.maximum(np.abs(own.real), 1e-6 * np.abs(own))
         radius = min(radius, 1e-2 * float(np.min(widths)))
-    # A slope good to 1e-6 leaves no more than that of a step; where values are
-    # expensive, no other is taken, nor far left.
+    # The slope, accurate to 1e-6, leaves an error of that fraction of a step; where
+    # values are expensive, no further step is taken, nor steps far to the left.
     enough, furthest = (1e-15, -math.inf) if sliding.response.certain else (1e-5, limit)
     s = starts.astype(complex)
     last = np.full(starts.shape, np.inf)
@@ -227,8 +228,8 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
             value, after, before = _value(sliding, points).reshape(3, -1)
             step = -2.0 * radius * value / (after - before)
             size = np.abs(step)
-            # Steps that no longer shrink are rounding; one that was large must not be
-            # taken in full.
+            # Steps that no longer shrink are rounding; a step that was large must not
+            # be taken in full.
             finished = (size < 1e-10 * (np.abs(here) + longest)) & (
                 size > 0.1 * last[active]
             )
@@ -242,13 +243,13 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
             ]
         settled |= last < 1e-11 * (np.abs(s) + longest)
         s = s[settled & np.isfinite(s) & (s.real > limit)]
-        # else kappa is one rounding over another
+        # elsewhere kappa is a ratio of rounding errors
         known = sliding.response.parts(sliding.velocity, s).denominator
         return _distinct(s[np.abs(known) > sliding.response.accuracy], cycle)
 
 
 def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
-    """One of each root and of each conjugate pair, rightmost first."""
+    """Return each root once, one of each conjugate pair, rightmost first."""
     s = np.where(s.imag < 0, np.conj(s), s)
     s = np.where(np.abs(s.imag) < 1e-9 / cycle, s.real + 0j, s)
     distinct: list[complex] = []
@@ -265,11 +266,11 @@ def is_rightmost(
     roots: ComplexArray,
     growing: int,
 ) -> bool:
-    """Whether no root lies to the right of the first one: all that grow are there, or
-    none does.
+    """Whether the first root is the rightmost: all growing roots are known, or there
+    are none.
 
-    Without growing modes, from a count to the right of a line just left of the first
-    root.
+    Without growing modes this follows from a count of the roots right of a line just
+    left of the first root.
     """
     if roots.size == 0 or growing != with_partners(roots[roots.real > 0]):
         return False
@@ -288,8 +289,8 @@ def is_rightmost(
 
 
 def count_right_of(sliding: SmoothSliding, line: float) -> int | None:
-    """Number of roots with ``Re s > line``, by the argument principle; None where
-    phases cannot be followed.
+    """Return the number of roots with ``Re s > line``, by the argument principle; None
+    where phases cannot be followed.
     """
 
     def product(omega: Array) -> ComplexArray:
@@ -323,8 +324,8 @@ def _followed_line(
     line: float,
     product: Callable[[Array], ComplexArray],
 ) -> tuple[Array, ComplexArray] | None:
-    """Frequencies along a line so close that the phase of a product can be followed,
-    and the product there.
+    """Return frequencies along a line so close that the phase of a product can be
+    followed, and the product there.
     """
     own = natural_frequencies(sliding.body)
     scales = sliding.scales

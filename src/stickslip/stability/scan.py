@@ -1,5 +1,5 @@
-"""Scans of ``Im(Z + kappa)`` along the imaginary axis, fine enough and far enough to
-see every zero.
+"""Scans of ``Im(Z + kappa)`` along the imaginary axis, dense and long enough to find
+every zero.
 """
 
 import math
@@ -28,7 +28,7 @@ from stickslip.stability.impedances import (
 
 
 class SmoothSliding(NamedTuple):
-    """Contacts and a body that slide at a steady velocity."""
+    """Contacts and a body in smooth sliding at a constant velocity."""
 
     response: Response
     body: Impedance
@@ -49,8 +49,8 @@ class SmoothSliding(NamedTuple):
 
 
 def loss(z: ComplexArray, parts: Parts) -> Array:
-    """``Im(Z + kappa) |denominator|^2``: the zeros of ``Im(Z + kappa)`` on the axis,
-    without its sharp peaks.
+    """Return ``Im(Z + kappa) |denominator|^2``, which has the zeros of
+    ``Im(Z + kappa)`` on the axis but not its sharp peaks.
     """
     return np.asarray(
         z.imag * np.abs(parts.denominator) ** 2
@@ -59,11 +59,11 @@ def loss(z: ComplexArray, parts: Parts) -> Array:
 
 
 def scan(sliding: SmoothSliding, softest: float | None) -> tuple[Array, Array]:
-    """Rising frequencies on the axis and `loss` there, fine enough to see every zero,
-    up to where there are no more.
+    """Return increasing frequencies on the axis and the `loss` there, dense enough to
+    find every zero, up to where there are no more.
 
-    With `softest` given, for every rig with the same losses and masses and a static
-    stiffness of at least that.
+    With `softest`, the result serves every rig with the same losses and masses and a
+    static stiffness of at least `softest`.
     """
     top = doubtful_below(sliding, softest)
     if top == 0.0:
@@ -72,7 +72,7 @@ def scan(sliding: SmoothSliding, softest: float | None) -> tuple[Array, Array]:
     value = loss(sliding.body(1j * omega), parts)
     more = np.empty(0) if is_plain(sliding.body) else features(sliding.body, omega)
     own = float(np.max(np.abs(natural_frequencies(sliding.body)), initial=0.0))
-    # the rig has frequencies above those of the contacts
+    # include the frequencies of the rig above those of the contacts
     if math.isinf(top) and own > 0.3 * omega[-1]:
         more = np.union1d(
             more, np.geomspace(omega[-1], 10.0 * own + omega[-1], 120)[1:]
@@ -95,13 +95,15 @@ def merged(
     value: NDArray[Any],
     new: NDArray[Any],
 ) -> tuple[Array, NDArray[Any]]:
-    """Return two samplings as one, rising in frequency."""
+    """Return two samplings as one, in order of frequency."""
     order = np.argsort(np.concatenate([omega, more]), kind="stable")
     return np.concatenate([omega, more])[order], np.concatenate([value, new])[order]
 
 
 def features(body: Impedance, omega: Array) -> Array:
-    """Frequencies to add to a scan where the impedance turns quickly."""
+    """Return frequencies to add to a scan where the phase of the impedance turns
+    quickly.
+    """
     known = resonances(body)
     added = known[(known > omega[0]) & (known < omega[-1])]
     for _ in range(40):
@@ -116,10 +118,10 @@ def features(body: Impedance, omega: Array) -> Array:
 
 
 def doubtful_below(sliding: SmoothSliding, softest: float | None) -> float:
-    """Frequency above which the disc that holds kappa, whatever the delay, rules out
-    neutral modes; 0 for all.
+    """Return the frequency above which no delay could give neutral modes, by the disc
+    that contains kappa for any delay; 0 if none could at any frequency.
 
-    Infinite if there are no such discs.
+    It is infinite if there are no such discs.
     """
     held = None if softest is None else softest - sliding.static_stiffness
     special = np.concatenate(
@@ -154,8 +156,8 @@ def _clear(
     centre: ComplexArray,
     held: float | None,
 ) -> NDArray[np.bool_]:
-    """Whether no delay could make the mode at each frequency neutral (with `held`:
-    nor on any stiffer spring).
+    """Whether no delay could make the mode at each frequency neutral; with `held`, on
+    any stiffer spring either.
     """
     radius = np.abs(centre)
     lossy = z.imag >= radius - centre.imag - 1e-14 * radius
@@ -166,7 +168,7 @@ def _clear(
         else np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag))
     )
     strong = distance > 2 * (1 + 1e-9) * radius
-    # Between two frequencies on either side of a resonance |Z| may be small.
+    # |Z| may be small between two frequencies on either side of a resonance
     turning = real[1:] * real[:-1] <= 0
     strong[1:] &= ~turning
     strong[:-1] &= ~turning

@@ -1,8 +1,8 @@
 """Many cases over named axes, on any executor, resumable; and boundaries found with few
 runs.
 
-Of a rig: `stickslip.sweep` called as a function, and files, which
-`stickslip.sweep.plan` reads. Of a study with a name and a version: `run_study`.
+For a rig: `stickslip.sweep` called as a function, and sweep files, which
+`stickslip.sweep.plan` reads. For a study with a name and a version: `run_study`.
 """
 
 import inspect
@@ -48,7 +48,7 @@ __signature__ = inspect.signature(plan.sweep)
 
 
 class _Callable(ModuleType):
-    """The room of the sweeps is also their public function:
+    """The package of sweeps, which is also their public function:
     ``stickslip.sweep(rig, axes)``.
     """
 

@@ -16,7 +16,7 @@ from stickslip.errors import InputError, instance, whole
 
 AxisValue = float | int | bool | str
 
-# variables of every result of a sweep; no measured variable may have their names
+# variables of every result of a sweep, whose names measured variables may not have
 ERROR = "error"
 STATUS = "status"
 DIED = {
@@ -28,16 +28,16 @@ DIED = {
 
 
 def case_key(values: Mapping[str, AxisValue]) -> str:
-    """Return the key of a case: the values of its axes as JSON, names in order."""
+    """Return the key of a case: the values of its axes as JSON, in order of names."""
     return json.dumps(values, sort_keys=True)
 
 
 def case_seed(seed: int, key: str) -> int:
-    """Return the seed of a case, 63 bits: the same in any sweep with that seed,
-    whatever the order, the workers, the other cases.
+    """Return the seed of a case, 63 bits: equal in all sweeps with the same seed,
+    independent of order, workers and other cases.
 
-    The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a
-    keyed hash of the content.
+    It is a keyed hash of the content, as the numbered children of
+    ``SeedSequence.spawn`` would change with the axes.
     """
     state = np.random.SeedSequence(seed).generate_state(16, np.uint32)
     root = state.astype("<u4").tobytes()
@@ -46,7 +46,9 @@ def case_seed(seed: int, key: str) -> int:
 
 
 def check_name(place: str, name: object) -> None:
-    """Refuse a name that no variable of a Dataset can have, or that is taken."""
+    """Raise `InputError` for a name that no variable of a Dataset can have, or that is
+    taken.
+    """
     if not isinstance(name, str) or "/" in name or name in (ERROR, STATUS):
         raise InputError(
             f"{place}: {name!r} is taken, or cannot be a name; use another text, "
@@ -56,27 +58,27 @@ def check_name(place: str, name: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class NamedStudy:
-    """A function that a sweep runs, under the name and the version of its results.
+    """A function that a sweep runs, with the name and the version of its results.
 
-    Finished cases are those of this name and version: nothing is guessed of the
-    function, whose code, and all that it reads, may change unseen.
+    Finished cases are identified by this name and version alone, as the function's
+    code, and all that it reads, may change unnoticed.
     """
 
-    #: Called with one keyword for each axis, and with a ``seed`` made from that of the
-    #: study and the values of the axes, unless that is an axis; returns a mapping of
-    #: names to numbers (kept as float64), texts, truth values (0 and 1), or None (no
+    #: Function of one keyword for each axis and a ``seed``, made from the study's seed
+    #: and the values of the axes unless it is an axis itself; it returns a mapping of
+    #: names to numbers (stored as float64), texts, truth values (0 and 1), or None (no
     #: value).
     run: Callable[..., Mapping[str, Any]]
     name: str
-    #: To be changed whenever the results change.
+    #: Change it whenever the results change.
     version: str
-    seed: int = 0  #: of the study, at least 0
+    seed: int = 0  #: seed of the study, at least 0
     #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
     attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    #: The words that a measured text can be: it becomes an integer with CF flags, -1
+    #: Possible values of a measured text: it is stored as an integer with CF flags, -1
     #: where there is no result.
     categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    #: Texts to keep with the results, as attributes of the Dataset.
+    #: Texts that are stored with the results, as attributes of the Dataset.
     notes: Mapping[str, str] = field(default_factory=dict)
     #: version of the package where the sweep was started
     package: str = __version__
@@ -94,8 +96,8 @@ class NamedStudy:
                 )
 
     def identity(self, axes: Iterable[str]) -> dict[str, str]:
-        """Return the parts that must be equal for a finished case to be the same case,
-        by name: a message can name those that differ.
+        """Return what must be equal for a finished case to be the same case, by name so
+        that a message can list what differs.
         """
         return {
             "stickslip version": __version__,
@@ -107,7 +109,7 @@ class NamedStudy:
 
 
 def run_batch(study: NamedStudy, keys: Sequence[str], seconds: float) -> list[str]:
-    """Run cases until all are done or the time is up; at least one."""
+    """Run cases, at least one, until all are done or the time is up."""
     if study.package != __version__:
         raise InputError(
             f"a worker has stickslip {__version__}, but the sweep {study.package}; "
@@ -151,7 +153,7 @@ def _run(study: NamedStudy, key: str) -> str:
 
 
 def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | None:
-    """Return a value as JSON can hold it, exactly."""
+    """Return a value in a form that JSON holds exactly."""
     check_name("result", name)
     plain = value.item() if isinstance(value, np.generic) else value
     if words is not None and plain not in (None, *words):

@@ -1,4 +1,4 @@
-"""A study at every combination of the values of some axes, and its results as one
+"""A study at every combination of the values of its axes, and its results as one
 labelled Dataset.
 """
 
@@ -55,22 +55,22 @@ def run_study(
     study : NamedStudy
         The function that runs a case, and the name and the version of its results.
     axes : mapping of name to values
-        Numbers, texts or truth values, each value once. A `Span` for each of two axes
-        with a `refinement`. An axis that the function ignores makes replicas.
+        Numbers, texts or truth values, each value once. With a `refinement`, two axes
+        are a `Span`. An axis that the function ignores makes replicas.
     store : path, optional
-        File where results land as they finish, at least each second; a second start of
-        the same study and version runs what is missing, also with other values on the
-        axes. By default results are kept in memory.
+        File to which results are written as they finish, at least every second; a
+        second start of the same study and version runs the missing cases, also with
+        other values on the axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core. For Dask:
         ``client.get_executor()``.
     refinement : Refinement, optional
         Search in a plane for the boundaries where a category changes, in place of a
-        grid. A second start makes no run twice, also with more runs or in another box.
+        grid. A second start repeats no run, also with more runs or in another box.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
     retry_failed : bool
-        Whether cases that failed in an earlier start are run again.
+        Whether cases that failed before are run again.
     max_cases : int
         Number of cases beyond which a sweep is refused before it starts.
 
@@ -79,17 +79,17 @@ def run_study(
     xarray.Dataset
         One variable for each measured name, with the axes as dimensions; ``status`` (CF
         flags: not run, done, failed); ``error``, the error of each case that failed,
-        else empty. See `summary` and `failures`. Of a search, along ``run``, with the
-        axes; and along ``crossing`` a point of the boundary each, ``<name>_at``, the
+        else empty. See `summary` and `failures`. A search has its runs and axes along
+        ``run``, and the points of the boundary along ``crossing``: ``<name>_at``, the
         ``<name>_error`` to either side, and the categories ``from_<label>`` and
-        ``to_<label>`` there.
+        ``to_<label>`` on both sides.
 
     Raises
     ------
     InputError
-        If an argument cannot be used; if the store holds another sweep, is damaged, is
-        of another version, is being written by another process, or cannot be written
-        (what was written is kept); if the workers cannot load the function.
+        If an argument is invalid; if the store holds another sweep, is damaged, is of
+        another version, is being written by another process, or cannot be written (what
+        was written is kept); if the workers cannot load the function.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def open_sweep(store: FileName) -> xr.Dataset:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A case that raised: the values of its axes, and its error."""
+    """A failed case: the values of its axes, and its error."""
 
     parameters: Mapping[str, AxisValue]
     error: str
@@ -169,7 +169,7 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """Number of cases of a sweep by their state; as text, its last line."""
+    """Numbers of cases of a sweep by state; as text, the last line of its progress."""
 
     total: int
     done: int
@@ -185,10 +185,10 @@ class Summary:
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """Progress of the sweep of a store."""
+    """Progress of the sweep in a store."""
 
     summary: Summary
-    writer: str | None  #: the process that runs it; None if none does
+    writer: str | None  #: the process that runs it, or None
 
     def __str__(self) -> str:
         at_it = (
@@ -200,7 +200,7 @@ class Status:
 
 
 def status_of(store: FileName) -> Status:
-    """Return how many cases of the sweep of a store are done, also while it runs."""
+    """Return the numbers of cases of a stored sweep by state, also while it runs."""
     with closing(Store(Path(store))) as table:
         found = summary(dataset_of(table))
         going_on = "search" in table.head and "cases" not in table.head
@@ -217,7 +217,7 @@ def summary(dataset: xr.Dataset) -> Summary:
 
 
 def failures(dataset: xr.Dataset) -> list[Failure]:
-    """List the cases that raised, with their parameters and errors."""
+    """Return the failed cases, with their parameters and errors."""
     status = _status(dataset)
     cases = dataset[[STATUS, ERROR]].expand_dims("case").to_dataframe().reset_index()
     failed = cases[cases[STATUS] == STATES.index("failed")]
@@ -242,7 +242,7 @@ def _status(dataset: xr.Dataset) -> xr.DataArray:
 def combinations(
     axes: Mapping[str, Sequence[AxisValue]],
 ) -> Iterator[dict[str, AxisValue]]:
-    """Return all combinations of the values of some axes, the last axis fastest."""
+    """Return all combinations of the values of the axes, the last axis fastest."""
     return (
         dict(zip(axes, values, strict=True))
         for values in itertools.product(*axes.values())
@@ -250,7 +250,7 @@ def combinations(
 
 
 def axis_values(name: str, given: object) -> list[AxisValue]:
-    """Return the values of an axis as Python's own numbers, texts or truth values."""
+    """Return the values of an axis as Python numbers, texts or truth values."""
     values = np.asarray(given, dtype=object)
     found = [
         one.item() if isinstance(one, np.generic) else one
@@ -272,8 +272,8 @@ def axis_values(name: str, given: object) -> list[AxisValue]:
 
 
 def _keys_of(table: Store) -> list[str]:
-    """Return the keys of the cases in the order of the Dataset; of a search that is
-    not done, of the cases that have been run.
+    """Return the keys of the cases in the order of the Dataset; for an unfinished
+    search, of the cases run so far.
     """
     if "search" in table.head:
         return list(table.head.get("cases", sorted(table.rows)))
@@ -281,8 +281,8 @@ def _keys_of(table: Store) -> list[str]:
 
 
 def dataset_of(table: Store) -> xr.Dataset:
-    """Return the results of all cases: over the axes of a grid, or along the ``run``
-    of a search, with its crossings.
+    """Return the results of all cases: over the axes of a grid, or along ``run`` for a
+    search, with its crossings.
     """
     head = table.head
     axes = head["axes"]
@@ -313,8 +313,8 @@ def dataset_of(table: Store) -> xr.Dataset:
 
 
 def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
-    """Add the points of the boundary, half way between two runs, with the results of
-    these, once all runs are there.
+    """Add the points of the boundary, each halfway between two runs, with the results
+    of these, if all runs are there.
     """
     search = head["search"]
     is_whole = found.sizes["run"] == len(head.get("cases", ()))
@@ -338,7 +338,7 @@ def _column(
     head: Mapping[str, Any], name: str, values: Sequence[Any]
 ) -> tuple[NDArray[Any], dict[str, Any]]:
     """Return the results under a name as an array with its attributes: codes of
-    words, texts, or numbers.
+    categories, texts, or numbers.
     """
     about = {"long_name": name.replace("_", " "), "units": "1"}
     about |= head["attributes"].get(name, {})

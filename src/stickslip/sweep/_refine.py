@@ -1,5 +1,5 @@
-"""Find where a category changes in a plane, with far fewer runs than a grid:
-explore, find, polish.
+"""Find where a category changes in a plane, with far fewer runs than a grid: explore,
+find, polish.
 """
 
 import itertools
@@ -16,28 +16,28 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.sweep._cases import AxisValue, case_key
 from stickslip.sweep._run import Runner
 
-# a place in the box, as fractions of the way along its two axes
+# a point in the box, as fractions of both axes
 Point = tuple[float, float]
 Line = tuple[Point, Point]
 
 EXPLORE, FIND, TOGETHER = 0.25, 0.55, 0.05
-"""Fractions of the runs after which exploring ends (evenly over the box), and finding
-(where categories differ); and fraction that is run at a time, on which the result
-depends.
+"""Fractions of the runs at which exploring (evenly over the box) and finding (where
+categories differ) end; and the fraction that is run at a time, which affects the
+result.
 """
 GOLDEN = 0.5 * math.sqrt(5.0) - 0.5
-"""A step round a circle whose multiples lie apart from one another: items taken in
-this order are spread evenly.
+"""Golden step around a circle: its multiples are well spread, so items taken in their
+order are, too.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """An axis of the box that is searched, between its ends."""
+    """A searched axis of the box, between its ends."""
 
     low: float
     high: float
-    log: bool = False  #: whether equal ratios count as equal distances
+    log: bool = False  #: whether distances are measured in ratios
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "low", number("Span.low", self.low))
@@ -46,7 +46,7 @@ class Span:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 
     def value(self, fraction: float) -> float:
-        """Return the value at a fraction of the way from `low` (0) to `high` (1)."""
+        """Return the value at a fraction of the axis from `low` (0) to `high` (1)."""
         if self.log:
             return float(self.low * (self.high / self.low) ** fraction)
         return self.low + (self.high - self.low) * fraction
@@ -57,11 +57,11 @@ class Refinement:
     """Settings of a search for the boundaries between regions of a plane, in each of
     which all cases have the same category.
 
-    A quarter of the runs is distributed over the plane, the next go where categories
-    differ, the last bisect lines across the boundary. A region that all of the first
-    quarter miss is not found. With hysteresis, search for each branch, with cases that
-    start on it: every combination of the values of the other axes gets a search of its
-    own.
+    A quarter of the runs is spread over the plane, the next ones go where categories
+    differ, and the last ones bisect lines across the boundary. A region that all of the
+    first quarter miss is not found. With hysteresis, search for each branch, with cases
+    that start on it: every combination of the values of the other axes is searched
+    separately.
 
     Examples
     --------
@@ -75,9 +75,8 @@ class Refinement:
     True
     """
 
-    runs: int = 160  #: to spend on a search at most; at least 16
-    #: lines across the boundary are bisected until they are this short; 1 is the whole
-    #: box
+    runs: int = 160  #: largest number of runs of a search; at least 16
+    #: length to which lines across the boundary are bisected, as a fraction of the box
     resolution: float = 1 / 40
     #: name under which a case returns its category, a text or a number
     label: str = "regime"
@@ -88,8 +87,8 @@ class Refinement:
 
 
 def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str, Span]:
-    """Axes that are searched; `InputError` if these are not two of a search, or some
-    of a grid.
+    """Return the axes that are searched; `InputError` if these are not two with a
+    refinement, and none without.
     """
     spans = {name: axis for name, axis in axes.items() if isinstance(axis, Span)}
     if refinement is None and spans:
@@ -107,7 +106,7 @@ def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str
 
 
 def cases_of(axes: Mapping[str, Any], refinement: Refinement | None) -> int:
-    """Number of the cases of a sweep; at most, with a refinement."""
+    """Number of cases of a sweep; with a refinement, the largest number."""
     sizes = (len(axis) for axis in axes.values() if not isinstance(axis, Span))
     return math.prod(sizes) * (refinement.runs if refinement else 1)
 
@@ -118,8 +117,8 @@ def search(
     each: Iterable[Mapping[str, AxisValue]],
     how: Refinement,
 ) -> dict[str, list[Any]]:
-    """Search in a plane, for each set of values of the other axes; return all cases,
-    and which pairs are crossings.
+    """Search in a plane for each set of values of the other axes; return all cases, and
+    the pairs of cases that are crossings.
     """
     cases: list[str] = []
     crossings: list[list[int]] = []
@@ -134,8 +133,8 @@ def search(
 
 @dataclass
 class _Search:
-    """A search, with the category found at each of its runs so far; None where the
-    case failed.
+    """A search, with the category found in each of its runs so far; None where the case
+    failed.
     """
 
     runner: Runner
@@ -155,8 +154,8 @@ class _Search:
         )
 
     def boundary(self) -> list[Line]:
-        """Spread runs over the box, send some where categories differ, then bisect
-        lines across the boundary.
+        """Spread runs over the box, then where categories differ, then bisect lines
+        across the boundary.
         """
         runs = self.how.runs
         find = math.ceil(FIND * runs)
@@ -170,7 +169,7 @@ class _Search:
         return self._bisected(self._crossings(runs - len(self.seen)))
 
     def _run_at(self, points: Iterable[Point]) -> None:
-        """Run the cases at these points, and keep the category of each."""
+        """Run the cases at these points, and store the category of each."""
         label = self.how.label
         cases = {point: self.key(point) for point in points if point not in self.seen}
         self.runner.run([*dict.fromkeys(cases.values())])
@@ -185,7 +184,7 @@ class _Search:
 
     def _sides(self) -> list[Line]:
         """Return the longest side of each triangle between the runs, longest first;
-        once the box is explored, between categories first.
+        after exploring, those with different categories first.
         """
         exploring = len(self.seen) < EXPLORE * self.how.runs
         sizes = []
@@ -193,8 +192,7 @@ class _Search:
             longest = max(itertools.combinations(corners, 2), key=_length)
             found = {self.seen[corner] for corner in corners}
             size = _length(longest)
-            # A case that failed says nothing about categories: its triangles are not
-            # looked into.
+            # A failed case has no category: its triangles are not refined.
             mixed = len(found) > 1 and None not in found
             sizes.append(
                 (
@@ -205,8 +203,8 @@ class _Search:
         return [side for _, side in sorted(sizes, reverse=True)]
 
     def _crossings(self, budget: int) -> list[Line]:
-        """Return sides of triangles whose ends are in different categories, as many
-        as the budget of runs can bisect.
+        """Return sides of triangles whose ends have different categories, as many as
+        the remaining runs can bisect.
         """
         known = [point for point, found in self.seen.items() if found is not None]
         sides = {
@@ -224,7 +222,7 @@ class _Search:
         return kept
 
     def _bisected(self, lines: list[Line]) -> list[Line]:
-        """Halve lines across the boundary until they are short, or their middle
+        """Bisect lines across the boundary until they are short, or their middle
         fails.
         """
         turns = bounded("Refined.boundary: bisection", HALVINGS)
@@ -240,7 +238,7 @@ class _Search:
                 low, high = lines[i]
                 middle = _middle(lines[i])
                 found = self.seen[middle]
-                if found is not None:  # else no further here
+                if found is not None:  # a line with a failed middle stays as it is
                     same = found == self.seen[low]
                     lines[i] = (middle, high) if same else (low, middle)
         return lines
@@ -257,7 +255,7 @@ def _middle(line: Line) -> Point:
 
 def _triangles(points: Iterable[Point]) -> list[list[Point]]:
     """Return the triangles between points (Delaunay), the corners of each in order;
-    none between fewer than three.
+    none for fewer than three points.
     """
     listed = list(points)
     found = Delaunay(listed).simplices.tolist() if len(listed) > 2 else []

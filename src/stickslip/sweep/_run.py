@@ -1,5 +1,5 @@
-"""Run many cases in threads, in processes or on any executor: hand out, gather, write
-down.
+"""Run many cases in threads, in processes or on any executor: distribute them, collect
+the results, and store them.
 
 A Dask client is one more executor: ``client.get_executor()``.
 """
@@ -30,27 +30,27 @@ from stickslip.loops import bounded
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Store
 
-# longest that a batch takes, unless one case does: long beside the cost of handing it
-# out
+# longest time of a batch, unless a single case takes longer: long beside the cost of
+# sending it
 SECONDS = 0.5
-_MANY = 256  # workers supposed behind an executor that does not say how many it has
+_MANY = 256  # assumed number of workers of an executor that does not give its own
 
 MAX_CASES = 1_000_000
-"""Cases beyond which a sweep is refused unless more are asked for: each takes about
+"""Cases beyond which a sweep is refused unless `max_cases` is higher: each takes about
 1 kB of memory and of the store.
 """
-CYCLES = 30.0  # cycles of loading that a run lasts at least
+CYCLES = 30.0  # least number of loading cycles in a run
 
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """Number of finished cases of a sweep, and of those that failed."""
+    """Numbers of finished and of failed cases of a sweep."""
 
     total: int  #: cases of the whole sweep
-    #: cases with a result or an error by now, those of earlier starts included
+    #: cases with a result or an error so far, including those of earlier starts
     finished: int
-    failed: int  #: those among them that ended with an error
-    #: cases that earlier starts had finished: rate and time left follow from
+    failed: int  #: cases among them that ended with an error
+    #: cases that earlier starts had finished: rate and remaining time follow from
     #: ``finished - found``
     found: int
 
@@ -60,18 +60,19 @@ Report = Callable[[Progress], object]
 
 @dataclass(frozen=True, kw_only=True)
 class Runs:
-    """Length and results of each case of a sweep, as the table ``[run]`` of a file
-    gives them.
+    """Length and results of each case of a sweep, as given by the table ``[run]`` of a
+    file.
 
-    A case lasts until the drive has gone a distance, for a duration, and through some
-    cycles of loading.
+    A case lasts at least for a travel of the drive, for a duration, and for a number of
+    loading cycles.
     """
 
-    #: in the rig's own units, or a text with a unit
+    #: travel of the drive, in the rig's own units or as a text with a unit
     distance: float | str | None = None
     duration: float | str | None = None  #: likewise
     cycles: float = CYCLES
-    #: how often a run that cannot be classified is made again, twice as long
+    #: number of times that a run that cannot be classified is repeated, each time twice
+    #: as long
     extensions: int = 1
     #: names of the results; see `stickslip.sweep.study.MEASURES`
     measure: Sequence[str] | None = None
@@ -79,8 +80,8 @@ class Runs:
 
 
 class Threads(ThreadPoolExecutor):
-    """Run cases in threads of this process, by default one per core: best for
-    kernels, which release the GIL.
+    """Run cases in threads of this process, by default one per core: best for kernels,
+    which release the GIL.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -88,12 +89,12 @@ class Threads(ThreadPoolExecutor):
 
 
 class Processes(ProcessPoolExecutor):
-    """Run cases in spawned processes, for cases that keep the GIL; a process that dies
+    """Run cases in spawned processes, for cases that hold the GIL; a process that dies
     is replaced.
 
     The function must be importable: defined at the top of a module, not a lambda. A
-    script that starts processes keeps its own start behind
-    ``if __name__ == "__main__":``. By default there is one per core.
+    script that starts processes must have its own start behind
+    ``if __name__ == "__main__":``. By default there is one process per core.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -110,7 +111,7 @@ Batch = Future[list[str]]
 
 
 def _number_of_workers(place: str, workers: int | None) -> int:
-    """Return the number of workers: by default that of the cores that this process
+    """Return the number of workers, by default the number of cores that this process
     may use, which not every system reports.
     """
     cores = (
@@ -122,8 +123,8 @@ def _number_of_workers(place: str, workers: int | None) -> int:
 
 
 def _start_worker() -> None:
-    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent
-    decides), gone with its parent.
+    """Prepare a worker process: it ignores Ctrl-C and a closed terminal, which the
+    parent handles, and ends with its parent.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -134,11 +135,13 @@ def _start_worker() -> None:
 
 def _end_with(parent: BaseProcess) -> None:
     parent.join()
-    os._exit(1)  # else it would wait for work for ever
+    os._exit(1)  # otherwise it would wait for work forever
 
 
 def _check_executor(executor: Executor, study: NamedStudy) -> None:
-    """Refuse any other object, and a study that its processes cannot load."""
+    """Raise `InputError` for any other object, and for a study that its processes
+    cannot load.
+    """
     instance(
         "executor",
         executor,
@@ -159,7 +162,7 @@ def _check_executor(executor: Executor, study: NamedStudy) -> None:
 
 
 class Runner:
-    """Runs cases that the table lacks; one start of a sweep."""
+    """Runs the cases that the store lacks, in one start of a sweep."""
 
     def __init__(
         self,
@@ -179,12 +182,12 @@ class Runner:
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
         self._lost: set[str] = set()  # cases whose worker has died
-        # cases in the next batch: twice as many as the last one finished in its time
+        # cases in the next batch: twice the number that the last one finished in time
         self._size = 1
 
     def run(self, keys: Sequence[str]) -> None:
-        """Run those of some cases, no two alike, that the table lacks; after an
-        error, give up those that run.
+        """Run the given cases, all different, that the store lacks; after an error,
+        abandon the running ones.
         """
         there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
         self._count.update(finished=len(there), failed=sum(there), found=len(there))
@@ -193,7 +196,7 @@ class Runner:
         if not self._todo:
             return
         try:
-            # endless: a case may take as long as it likes
+            # endless: a case may take any time
             while self._todo or self._running:
                 try:
                     self._fill()
@@ -214,13 +217,13 @@ class Runner:
         self._report()
 
     def _renew(self, error: RuntimeError) -> None:
-        """Replace our own executor after a worker was lost; raise an error for another
+        """Replace our own executor after a worker has died; raise an error for another
         executor, or after a shutdown.
         """
         executor = self._executor
         if not (isinstance(executor, OURS) and isinstance(error, BrokenExecutor)):
             raise self._refusal(f"takes no more cases ({error})") from error
-        futures.wait(self._running)  # a broken pool ends all, some of them well
+        futures.wait(self._running)  # a broken pool ends all, some with results
         executor.shutdown(wait=False, cancel_futures=True)
         self._executor = type(executor)(getattr(executor, "_max_workers", None))
         try:
@@ -233,8 +236,8 @@ class Runner:
             ) from None
 
     def _fill(self) -> None:
-        """Hand out batches, two per worker; a case that was lost runs with no other
-        beside it, to find the culprit.
+        """Submit batches, two per worker; a case whose worker died is run alone, to
+        find the culprit.
         """
         most = 2 * getattr(self._executor, "_max_workers", _MANY)
         turns = bounded("Runner: handing out", len(self._todo))
@@ -252,14 +255,14 @@ class Runner:
                 self._todo.popleft()
 
     def _gather(self, seconds: float) -> None:
-        """Take the results of batches that finish within a time."""
+        """Collect the results of batches that finish within a time."""
         ended = futures.wait(self._running, seconds, futures.FIRST_COMPLETED).done
         for future in ended:
             keys = self._running.pop(future)
             try:
                 rows = future.result()
             except Exception as error:
-                # the latter is Dask's, after several workers died of this batch
+                # KilledWorker is Dask's, after several workers died on this batch
                 died = isinstance(error, BrokenExecutor)
                 if not (died or type(error).__name__ == "KilledWorker"):
                     raise self._refusal(
@@ -277,8 +280,8 @@ class Runner:
         self._count.update(finished=1, failed=self.table.has_failed(key))
 
     def _put_back(self, keys: list[str]) -> None:
-        """Put the cases of a batch whose worker died last; one that was lost before
-        ran alone, and is the culprit.
+        """Put the cases of a batch whose worker died last; a case that ran alone, as it
+        was lost before, is the culprit.
         """
         if keys[0] in self._lost:
             self._enter(keys[0], json.dumps(DIED))

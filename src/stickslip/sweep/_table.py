@@ -1,12 +1,12 @@
-"""The store of a sweep: one sqlite table, a row of JSON for each finished case, each
-with a checksum.
+"""The store of a sweep: one sqlite table with a row of JSON, and a checksum, for each
+finished case.
 
-The row with the empty key is the head: the description of the sweep. Transactions
-(rollback journal, no write-ahead log: network file systems will do) leave every commit
-whole after a kill; checksums show what a disk has changed since.
+The row with the empty key is the head: the description of the sweep. Transactions (with
+a rollback journal, not a write-ahead log, so that network file systems work) leave
+every commit complete after a kill; checksums reveal later changes on the disk.
 
 Only the process that drives a sweep writes, and holds a lock on ``<store>.lock``, which
-goes with the process, however it ends. Anybody may read meanwhile.
+is released when the process ends in any way. Others may read meanwhile.
 """
 
 import fcntl
@@ -26,9 +26,9 @@ from stickslip.errors import InputError, instance
 from stickslip.io.files import FileName
 
 FORMAT = 0x53545332  # "STS2"
-# seconds between commits: a kill can cost as much work, and the batches in flight
+# seconds between commits: a kill can lose this much work, and the batches in flight
 EVERY = 1.0
-PATIENCE = 60.0  # seconds that a commit waits for those who read
+PATIENCE = 60.0  # seconds that a commit waits for readers
 
 _HEAD = ""
 _CASES = (
@@ -50,7 +50,7 @@ class Store:
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
-        self._due = math.inf  # when rows that were added are to be committed
+        self._due = math.inf  # time at which added rows are to be committed
         with _in_one_line(path), ExitStack() as held:
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
@@ -58,13 +58,13 @@ class Store:
                 closing(_opened(path, new=head is not None))
             )
             tables = "SELECT count(*) FROM sqlite_master"
-            # none where its making was cut short, and rolled back
+            # no table if its creation was interrupted, and rolled back
             if self._value_of(tables):
                 self._read()
             elif head is None:
                 raise InputError("holds no case yet")
             else:
-                # made whole, with its head, or not at all
+                # created in one transaction with its head, or not at all
                 self._connection.execute("BEGIN IMMEDIATE")
                 self._connection.execute(f"PRAGMA application_id = {FORMAT}")
                 self._connection.execute(_CASES)
@@ -87,8 +87,8 @@ class Store:
         return self.rows[key].startswith('{"error"')
 
     def forget_failed(self) -> None:
-        """Have failed cases run again; on the disk their rows stay until others replace
-        them.
+        """Let failed cases be run again; on the disk their rows stay until they are
+        replaced.
         """
         for key in [key for key in self.rows if self.has_failed(key)]:
             del self.rows[key]
@@ -105,8 +105,8 @@ class Store:
         self.commit()
 
     def commit(self, *, if_due: bool = False) -> bool:
-        """Commit rows that were added, or, `if_due`, only where that is some time ago;
-        return whether it was done.
+        """Commit added rows or, with `if_due`, only if the oldest is older than
+        `EVERY`; return whether it was done.
         """
         if if_due and time.monotonic() < self._due:
             return False
@@ -127,7 +127,7 @@ class Store:
         return self._connection.execute(question).fetchone()[0]
 
     def _read(self) -> None:
-        """Read all rows; a table that lost or changed anything, or is of another
+        """Read all rows; a table that was changed or damaged, or belongs to another
         sweep, is refused.
         """
         if self._value_of("PRAGMA application_id") != FORMAT:
@@ -152,7 +152,7 @@ class Store:
 
 
 def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
-    """Open a store, in memory if it has no path; make one only if it may be `new`."""
+    """Open a store, in memory if it has no path; create it only if `new`."""
     place = ":memory:" if path is None else path.absolute()
     if isinstance(place, Path):
         if not (new or place.exists()):
@@ -163,7 +163,7 @@ def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
 
 
 def is_store(path: FileName) -> bool:
-    """Whether a path looks like a store, whole or not: a file of sqlite."""
+    """Whether a path looks like a store, damaged or not: a file of sqlite."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         with Path(path).open("rb") as file:
@@ -173,7 +173,7 @@ def is_store(path: FileName) -> bool:
 
 
 def writer_of(path: Path) -> str | None:
-    """Return the process that writes a store, in words; None if there is none."""
+    """Return the process that writes a store, as text; None if there is none."""
     with suppress(OSError), open(_lock_of(path), errors="replace") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -188,7 +188,7 @@ def _checksum(key: str, row: str) -> str:
 
 @contextmanager
 def _in_one_line(path: Path | None) -> Iterator[None]:
-    """Turn the errors of a file into one line each, which names the file."""
+    """Turn the errors of a file into one line each that names the file."""
     place = f"store = {str(path)!r}"
     try:
         yield
@@ -196,7 +196,7 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
         raise error.at(place) from None
     except Exception as error:  # a damaged file fails in many ways
         code = getattr(error, "sqlite_errorname", "")
-        # the code of an operation is SQLITE_ERROR where there is no such table
+        # "no such table" has the code of an operation, SQLITE_ERROR
         unwritten = (OSError, sqlite3.OperationalError)
         if code == "SQLITE_NOTADB":
             words = (
@@ -210,7 +210,7 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
                 "space, make it writable or choose another place, and start again"
             )
         else:
-            # sqlite quotes the place of the fault, line ends included
+            # sqlite quotes the damaged content, including line ends
             short = " ".join(str(error).split())[:100]
             words = (
                 f"is damaged ({short}): what it holds cannot be trusted; put back a "
@@ -221,13 +221,13 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
 
 
 def _lock_of(path: Path) -> Path:
-    place = path.resolve()  # a store and a link to it are one
+    place = path.resolve()  # a store and a link to it share one lock
     return place.with_name(place.name + ".lock")
 
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold the lock of a store; the kernel takes it back when the process ends."""
+    """Hold the lock of a store; the system releases it when the process ends."""
     lock = _lock_of(path)
     lock.absolute().parent.mkdir(parents=True, exist_ok=True)
     with open(lock, "a") as file:
@@ -243,5 +243,5 @@ def _locked(path: Path) -> Iterator[None]:
             file.flush()
             yield
         finally:
-            with suppress(OSError):  # a file that is left behind holds no lock
+            with suppress(OSError):  # a lock file that is left behind holds no lock
                 lock.unlink(missing_ok=True)

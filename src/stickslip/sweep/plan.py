@@ -1,4 +1,4 @@
-"""Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a
+"""Sweeps of a rig, made from a TOML file (rig, parameters to vary, results) as a
 `Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
@@ -47,20 +47,19 @@ from stickslip.sweep._refine import Refinement, Span, cases_of, spans_of
 from stickslip.sweep._run import Report, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
-# x_s that a run lasts at least unless something else is asked for: transients last 40
-# to 100 x_s
+# least travel of a run in x_s, by default: transients last 40 to 100 x_s
 SHORTEST = 120.0
 NOTE = "sweep"  # attribute of the results that holds the plan
 PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
-"""Quantities of one contact in natural units, and of the whole interface in SI
-units.
+"""Results and parameters per contact in natural units, and for the whole interface in
+SI units.
 """
 OTHERS = {
     "contacts": "number of contacts",
     "seed": "seed of the contacts",
     "start": "start of the run",
 }
-"""Axes besides the parameters of a rig."""
+"""Axes that are not parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
 _SPACING = Key("linear", choices=("linear", "log"))
 
@@ -70,8 +69,8 @@ class Plan:
     """A sweep of a rig."""
 
     name: str
-    study: Study  #: the case
-    #: values in the units of the rig; with a refinement, a `Span` of two parameters
+    study: Study  #: runs one case
+    #: values in the units of the rig; with a refinement, two parameters have a `Span`
     axes: Mapping[str, Any]
     logarithmic: tuple[str, ...]  #: axes of equal ratios
     measures: tuple[str, ...]  #: names of the results of each case
@@ -80,12 +79,12 @@ class Plan:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Axes that set a parameter of the rig."""
+        """Names of the axes that are parameters of the rig."""
         return tuple(name for name in self.axes if name not in OTHERS)
 
     @property
     def total(self) -> int:
-        """Number of cases (at most, with a refinement)."""
+        """Number of cases; with a refinement, the largest number."""
         return cases_of(self.axes, self.refinement)
 
     def attributes(self) -> Mapping[str, Mapping[str, Any]]:
@@ -111,8 +110,8 @@ class Plan:
         progress: Report | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
-        """Run what is missing of a sweep; arguments, errors and what is returned are
-        those of `sweep`.
+        """Run the missing cases of a sweep; arguments, errors and result are those of
+        `sweep`.
 
         The attribute ``sweep`` of the results holds the plan as JSON.
         """
@@ -142,7 +141,7 @@ class Plan:
         return self.select(found)
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
-        """Return the results that are asked for, of all that are stored."""
+        """Return the selected results, of all that are stored."""
         left = MEASURES.keys() - {*self.measures, *self.axes}
         return found.drop_vars(left, errors="ignore")
 
@@ -164,23 +163,23 @@ def sweep(
     Parameters
     ----------
     rig : Rig
-        Its method and start are those of every case, unless they are an axis.
+        The rig; its method and start are those of every case, unless they are an axis.
     axes : mapping of name to values
-        Parameters by name, as `Rig.replace` takes them, and ``contacts``, ``seed``,
-        ``start`` (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or
-        texts with a unit; a `Span` for each of two parameters with a `refinement`.
+        Parameters by name, as in `Rig.replace`, and ``contacts``, ``seed``, ``start``
+        (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or texts with
+        a unit; with a `refinement`, two parameters have a `Span`.
     store : path, optional
-        File that keeps all cases; a second start runs what is missing.
+        File that keeps all cases; a second start runs the missing ones.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core.
     refinement : Refinement, optional
-        Search the boundaries in a plane, in place of a grid.
+        Search for the boundaries in a plane, in place of a grid.
     runs : Runs
-        How long each run lasts and what is measured.
+        Length of each run, and names of the results.
     progress : callable, optional
         Called with a `stickslip.sweep.Progress`.
     retry_failed : bool
-        Whether cases that failed in an earlier start are run again.
+        Whether cases that failed before are run again.
 
     Returns
     -------
@@ -221,7 +220,7 @@ def open_plan(store: FileName) -> xr.Dataset:
 
 
 def plan_of(result: xr.Dataset) -> Plan:
-    """Return the plan that a result was made from."""
+    """Return the plan that made a result."""
     if NOTE not in result.attrs:
         raise InputError(
             "this sweep was not made from a rig: what was swept is not known; draw it "
@@ -239,13 +238,13 @@ def plan_of(result: xr.Dataset) -> Plan:
 
 
 _SIMULATED = ("method", "contacts", "rtol", "seed", "start")
-"""Keys of ``[run]`` that stand under ``[simulation]`` in a rig file."""
+"""Keys of ``[run]`` that are under ``[simulation]`` in a rig file."""
 _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 
 
 def read_plan(path: FileName) -> Plan:
-    """Read a sweep file or the example of that name, and the rig file that it may
-    name.
+    """Read a sweep file or the example of that name, and the rig file that it names, if
+    any.
     """
     source = Path(path)
     return from_document(
@@ -258,8 +257,8 @@ def read_plan(path: FileName) -> Plan:
 def from_document(
     document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()
 ) -> Plan:
-    """Make a plan of the content of a file; a rig file that it names is looked for
-    in `directory`.
+    """Make a plan from the content of a file; a rig file that it names is searched in
+    `directory`.
     """
     try:
         _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
@@ -280,7 +279,7 @@ def from_document(
 
 
 def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path) -> Rig:
-    """Read the rig of a sweep, to be simulated as the table ``[run]`` has it."""
+    """Read the rig of a sweep, with its simulation changed by the table ``[run]``."""
     place = "rig"
     if isinstance(given, str):
         place = f"rig: {Path(given).name}"
@@ -302,7 +301,7 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
         asked = {key: run[key] for key in _SIMULATED if key in run}
-        # keys of the rig's own method, which that of the sweep does not have
+        # keys of the rig's own method that the method of the sweep does not have
         left = [
             key
             for key in ("contacts", "seed", "rtol")
@@ -324,8 +323,8 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
 def _axis(
     name: str, given: Any, read: Callable[..., float], most: int
 ) -> tuple[Any, ...] | Span:
-    """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the
-    count is left open.
+    """Return the values of a list or of ``{from, to, count, spacing}``; a `Span` if the
+    count is missing.
     """
     place = f"axes.{name}"
 
@@ -369,9 +368,7 @@ def _axis(
 
 
 def _is_logarithmic(given: Any, values: Any) -> bool:
-    """Whether an axis is one of equal ratios: as it was given, or, of a list, by its
-    values.
-    """
+    """Whether an axis has equal ratios: as given, or for a list, by its values."""
     if isinstance(given, Span):
         return given.log
     if isinstance(given, Mapping):
@@ -400,12 +397,12 @@ def _plan(
     *,
     from_python: bool = False,
 ) -> Plan:
-    """Make a plan of a rig with its method and start; from Python, plain numbers are
-    in SI units, too.
+    """Make a plan from a rig with its method and start; plain numbers from Python are
+    in the rig's own units, also in SI.
     """
 
     def read(value: object, place: str, unit: str, sign: Any = "above 0") -> float:
-        """A quantity in the rig's own units."""
+        """Return a quantity in the rig's own units."""
         natural = rig.scales is None or (from_python and not isinstance(value, str))
         key = (
             Key(1.0)
@@ -414,7 +411,7 @@ def _plan(
         )
         return float(key.read(value, place, natural=natural))
 
-    # parameters registered since then included
+    # includes parameters registered by the user
     _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
     most = whole("run.max_cases", runs.max_cases, at_least=1)
     values = {each: _axis(each, given, read, most) for each, given in axes.items()}
@@ -451,8 +448,8 @@ def _plan(
 
 
 def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> None:
-    """Refuse a rig that cannot be run along these axes, and axes that are none of a
-    search.
+    """Raise `InputError` for a rig that cannot be run along these axes, and for axes
+    that do not fit the search.
     """
     instance(
         "rig.slider",
@@ -478,7 +475,7 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
     for name in axes:
         if name in BY_NAME:
-            rig.value(name)  # it has one
+            rig.value(name)  # raises if it has none
         elif name != "start" and not isinstance(rig.method, DRAWN):
             raise InputError(
                 f"axes.{name}: changes nothing where no contacts are drawn; use method "

@@ -1,6 +1,6 @@
-"""The case of a sweep of a rig: its parameters set, run and classified.
+"""The case of a sweep of a rig: its parameters are set, and it is run and classified.
 
-Workers load this.
+Worker processes import this module.
 """
 
 import math
@@ -17,12 +17,12 @@ from stickslip.simulation import simulate
 KINDS: tuple[str, ...] = get_args(Kind)
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
 """Starts of a run: at rest with relaxed contacts, or in steady smooth sliding."""
-# of the velocity, where the master equation starts in smooth sliding; contacts perturb
-# themselves
+# fraction of the velocity, where the master equation starts in smooth sliding; single
+# contacts need no perturbation
 PERTURBATION = 0.02
 
 
-# results of a case that a regime holds under the same name
+# results of a case that have the same name in `Regime`
 _SAME = (
     "peak_to_peak",
     "mean_force",
@@ -88,7 +88,7 @@ class Study:
 
     @property
     def start(self) -> str:
-        """Start of a run unless that is an axis."""
+        """Start of the runs unless the start is an axis."""
         return FROM_REST if isinstance(self.rig.start, FromRest) else FROM_SLIDING
 
 
@@ -110,7 +110,7 @@ MEASURES: dict[str, tuple[str, str]] = {
     "reason": ("1", "why the regime was called so"),
     "seed": ("1", "seed of the contacts"),
 }
-"""Results of a case, by name: natural unit and description. All are stored."""
+"""Results of a case, by name: natural unit and description. All of them are stored."""
 
 USUAL = (
     "regime",
@@ -122,4 +122,4 @@ USUAL = (
     "travel",
     "reason",
 )
-"""Results that are returned unless the file asks for others."""
+"""Results that are returned unless the file lists others."""

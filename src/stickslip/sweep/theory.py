@@ -1,5 +1,5 @@
-"""Theory beside a sweep: the computed boundary of smooth sliding, and how far
-stick-slip persists beyond it.
+"""Theory beside a sweep: the computed boundary of smooth sliding, and the range beyond
+it in which stick-slip persists.
 """
 
 import itertools
@@ -23,13 +23,13 @@ def with_theory(
     two parameters.
 
     The result is from `Plan.run`, `sweep` or `open_plan`; other parameters that were
-    swept are at the value selected. If `bistable`, stick-slip is followed from the
-    boundary to where its branch ends as well, which takes seconds for each of a few
+    swept have the value selected in it. With `bistable`, stick-slip is also followed
+    from the boundary to where its branch ends, which takes seconds for each of a few
     values of the first parameter (nonlinear; `stickslip.cycles`).
 
-    Added are ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane),
-    ``band_...`` along ``band``; the attribute ``theory`` says what is there, or why
-    nothing is.
+    The result has additional ``edge_<parameter>`` along ``point`` (and ``edge_curve``
+    in a plane) and ``band_...`` along ``band``; the attribute ``theory`` names them, or
+    gives the reason why there are none.
     """
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
@@ -69,8 +69,8 @@ def with_theory(
 
 
 def _reach(axis: xr.DataArray) -> Range:
-    """Ends of an axis, half a step beyond its values where that makes sense: cells
-    reach so far.
+    """Ends of an axis, extended by half a step if it has equal steps, as cells of a map
+    are.
     """
     values = np.unique(axis.to_numpy().astype(float))
     if "run" in axis.dims or values.size < 2:

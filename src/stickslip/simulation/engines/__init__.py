@@ -1,5 +1,5 @@
-"""The engines: one solver each, all behind the protocol of `base`, each registered
-for its method.
+"""The engines: solvers behind the protocol of `base`, each registered for its
+method.
 """
 
 from stickslip.simulation.engines import blocks, contacts, langevin, panels

@@ -1,7 +1,7 @@
-"""The protocol of solvers, engines that go on along a leg of the way, and their
+"""The protocol of engines, the solvers that advance a state along legs, and their
 registry.
 
-To add a solver, write a class that has what `Engine` asks for and register it, with
+To add a solver, write a class with the members of `Engine` and register it, with
 `solves`, for the method that selects it.
 """
 
@@ -53,19 +53,20 @@ COLUMNS = (
     "damped_energy",
     "broken_energy",
 )
-"""Samples of an engine, in this order; one that does not know the energies stops
+"""Samples of an engine, in this order; an engine that does not compute energies stops
 after `MOTION`.
 """
 MOTION = COLUMNS[:4]
 
 
 class Leg(NamedTuple):
-    """A part of the way on which the drive moves by one rule, up to the time `end` or
-    to the first sample with `stop`.
+    """A part of a run in which the drive follows one rule, up to the time `end` or to
+    the first sample at which the condition `stop` holds.
 
-    `times` are those of the samples still wanted, `looks` those at which stretchings
-    are. Looking never changes the motion. The `load` is as `kernels.drive.load_at`
-    takes it. On a mass without a spring the "position" of the drive is a force.
+    `times` are those of the remaining samples, `looks` those at which the distribution
+    of stretchings is recorded. Recording never changes the motion. The `load` is in the
+    form of `kernels.drive.load_at`. For a mass without a spring the "position" of the
+    drive is a force.
     """
 
     drive: Quadratic
@@ -77,7 +78,7 @@ class Leg(NamedTuple):
 
     @classmethod
     def along(cls, piece: Piece | ForcePiece, begin: float, position: float) -> "Leg":
-        """Return the leg on which the drive goes along a piece, without samples."""
+        """Return the leg along a piece of the drive, without samples."""
         if isinstance(piece, Piece):
             drive = Quadratic(begin, position, piece.start, piece.acceleration)
         else:  # a force in place of a position
@@ -94,8 +95,8 @@ class Leg(NamedTuple):
 
 
 class Stretchings(NamedTuple):
-    """Stretchings at a moment and the fraction of all contacts at each; `cells`:
-    each stands for its neighbourhood.
+    """Stretchings at one time and the fraction of all contacts at each; with `cells`
+    each stretching stands for an interval around it.
     """
 
     stretching: Array
@@ -104,8 +105,8 @@ class Stretchings(NamedTuple):
 
 
 class Individuals(NamedTuple):
-    """Every contact by itself, in an order that stays; stretchings of detached
-    contacts mean nothing.
+    """Stretching of each contact, in a fixed order; the stretchings of detached
+    contacts have no meaning.
     """
 
     stretching: Array
@@ -113,8 +114,8 @@ class Individuals(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Result of an advance on a leg: samples, looks, and whether it has come to the
-    end.
+    """Result of an advance on a leg: samples, snapshots of the stretchings, and whether
+    the end of the leg is reached.
     """
 
     rows: Array
@@ -124,8 +125,8 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True)
 class Beginning:
-    """Beginning of a run; no slider is rigid motion, and the velocity is the
-    drive's first.
+    """Initial conditions of a run; `slider` is None for rigid motion, and the velocity
+    is the drive's first.
     """
 
     interface: Interface
@@ -171,20 +172,20 @@ class Beginning:
 
     @property
     def sliding(self) -> bool:
-        """Whether the slider is in steady sliding from the beginning."""
+        """Whether the slider is in steady sliding at the start."""
         return isinstance(self.start, FromSliding)
 
     @property
     def at_rest(self) -> int:
-        """Number of the first blocks of an elastic slider that stand still while the
+        """Number of the first blocks of an elastic slider that are at rest while the
         others slide.
         """
         return self.start.at_rest if isinstance(self.start, FromSliding) else 0
 
     @property
     def perturbation(self) -> float | tuple[float, ...]:
-        """By what part the slider is faster than in steady sliding, or each block of
-        an elastic one.
+        """Relative excess of the velocity over that of steady sliding, for the slider
+        or for each block of an elastic one.
         """
         return self.start.perturbation if isinstance(self.start, FromSliding) else 0.0
 
@@ -207,9 +208,7 @@ class Beginning:
         return path / (path + self.velocity * self.interface.delay.moment(1))
 
     def drive_position(self, contact_force: float) -> float:
-        """Position of the drive at time 0: a slider that starts sliding starts in
-        balance.
-        """
+        """Position of the drive at time 0; a slider that slides starts in balance."""
         if self.slider is None or not self.sliding:
             return 0.0
         if isinstance(self.slider, Structure):
@@ -223,40 +222,39 @@ class Beginning:
 
 
 class Engine(Protocol):
-    """Contacts and a slider on their way: a state, and a kernel that advances it leg by
-    leg.
+    """A state of contacts and slider, and a kernel that advances it leg by leg.
 
-    `stickslip.simulation.driver` joins legs to drives. What has a body here will do for
-    most.
+    `stickslip.simulation.driver` follows a drive through its legs. Methods that have a
+    body here are defaults that most engines keep.
     """
 
     columns: ClassVar[tuple[str, ...]]
     """Columns of its samples: the first of `COLUMNS`, at least `MOTION`."""
     angle: ClassVar[float]
-    """Default distance of samples, in radians of the fastest oscillation of the
+    """Default interval of samples, in radians of the fastest oscillation of the
     slider.
     """
     mechanisms: ClassVar[frozenset[str]] = frozenset()
-    """Part of `Interface.mechanisms` that it takes besides ageing; the rest is refused
-    before.
+    """Names of `Interface.mechanisms` that it supports besides ageing; an interface
+    with others is refused beforehand.
     """
     takes_loads: ClassVar[bool] = False
-    """Whether it takes a drive with a load, or with a force."""
+    """Whether it supports a drive with a load, or by a force."""
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
     piece: ClassVar[float] = 3.5e-4
-    """Seconds that it takes to begin a piece of the drive, or a look."""
+    """Seconds of computing to begin a piece of the drive, or to take a snapshot."""
     slider: SliderConstants | ElasticBody | Structure
 
     @staticmethod
     def check(interface: Interface) -> None:  # noqa: ARG004
-        """Raise `InputError` for what the engine cannot take."""
+        """Raise `InputError` for an interface that the engine does not support."""
         return
 
     @staticmethod
     def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
-        """Return the work of a run but for samples, by part: that of the slider,
-        where of contacts nothing is known.
+        """Return the work of a run, by part, without that of samples; by default only
+        the work of the slider.
         """
         return oscillation(rig, course.turns)
 
@@ -267,40 +265,40 @@ class Engine(Protocol):
         ...
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts now."""
+        """Return the current stretchings of the attached contacts."""
         ...
 
     def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
+        """Return the current mean force of the contacts."""
         x, fraction, _ = self.stretchings()
         return float(np.sum(x * fraction))
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on along a leg, for a while (some 50 ms) or to its end; samples on the
-        end are included.
+        """Advance along a leg, for some 50 ms of computing or to its end; samples at
+        the end are included.
         """
         ...
 
     def marks(self) -> dict[str, Array]:
-        """Return what has happened once to each block of an elastic slider, by the
-        name it has in a run.
+        """Return events that happen once to each block of an elastic slider, by their
+        names in a run.
         """
         return {}
 
     def copy(self) -> Self:
-        """Return an engine in the same state that goes its own way."""
+        """Return an independent engine in the same state."""
         return copy.deepcopy(self)
 
 
 GROWTH, HEAT = get_args(FixedGrowth), get_args(Activation)
-"""Kinds of growth by a rule, and of thermal activation."""
+"""Types of growth laws, and of thermal activation."""
 
 E = TypeVar("E", bound=type)
 
 
 ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
-"""Engines by kind of method, of ageing, of thermal activation, and whether for
-elastic sliders; `solves` adds to it.
+"""Engines by types of method, ageing and thermal activation, and whether the slider is
+elastic; `solves` adds to it.
 """
 
 
@@ -310,8 +308,8 @@ def solves(
     activation: tuple[type, ...] = (type(None),),
     elastic: bool = False,
 ) -> Callable[[E], E]:
-    """Register an engine for a method on contacts with one of these kinds of ageing
-    and activation, or none.
+    """Register an engine for a method, for contacts with one of these types of ageing
+    and activation, or without.
     """
 
     def register(engine: E) -> E:
@@ -328,12 +326,12 @@ def engine_of(
     method: object,
     slider: object = None,
 ) -> type[Engine]:
-    """Return the engine for a method on an interface, under a slider; `InputError`
-    if it cannot be taken.
+    """Return the engine for a method, an interface and a slider; `InputError` if there
+    is none.
     """
     if isinstance(slider, Structure):
-        # of the room above, which has the element that structures run on: by name, as
-        # imports point down
+        # This engine is in a package above, so it is imported by name: import
+        # statements point down.
         return _engine_of_structures(interface, method)
     parts = _parts(interface)
     elastic = isinstance(slider, ElasticBody)
@@ -359,7 +357,7 @@ def _engine_of_structures(interface: Interface, method: object) -> type[Engine]:
 
 
 def _parts(interface: Interface) -> list[str]:
-    """Mechanisms that an engine may refuse, ageing and activation first."""
+    """Mechanisms that an engine may not support, ageing and activation first."""
     return sorted(
         interface.mechanisms,
         key=lambda part: (part != "ageing", part != "activation", part),
@@ -372,7 +370,7 @@ def _engine(
     parts: Collection[str],
     elastic: bool,
 ) -> type[Engine] | None:
-    """Return the engine for an interface that has only these of its parts."""
+    """Return the engine that supports an interface reduced to these mechanisms."""
     ageing, breaking = (
         type(getattr(interface, part) if part in parts else None)
         for part in ("ageing", "activation")
@@ -384,7 +382,7 @@ def _engine(
 
 
 def _takers(interface: Interface, parts: Collection[str], slider: object) -> str:
-    """Return the methods that take these parts of an interface, in words."""
+    """Return advice that names the methods that support these mechanisms, or ""."""
     elastic = isinstance(slider, ElasticBody)
     found = set()
     for method, *_, of_bodies in ENGINES:
@@ -401,8 +399,8 @@ def _takers(interface: Interface, parts: Collection[str], slider: object) -> str
 
 
 def _refusal(interface: Interface, method: object, slider: object) -> InputError:
-    """Return why there is no engine: the method or the slider, or what cannot be
-    taken together, or at all.
+    """Return the error that says why no engine fits: the method, the slider, or the
+    mechanisms that are not supported together or at all.
     """
     elastic = isinstance(slider, ElasticBody)
     kind = type(method)
@@ -441,7 +439,7 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
 def slider_constants(
     slider: Slider | Mass | ElasticBody | Structure | None,
 ) -> SliderConstants:
-    """Return a slider as the kernels take it; none is rigid motion."""
+    """Return the constants of a slider for the kernels; None is rigid motion."""
     assert slider is None or isinstance(slider, Slider | Mass)
     if slider is None:
         return RIGID
@@ -450,7 +448,7 @@ def slider_constants(
 
 
 def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: they break as soon as they
+    """Raise `InputError` for newborns without strength, which break as soon as they
     attach.
     """
     if (
@@ -467,17 +465,18 @@ def check_newborns(interface: Interface) -> None:
         )
 
 
-REFILLS = 1000  # of draws in an advance, which then ends
+REFILLS = 1000  # most refills of random numbers in an advance, which then ends
 _IDLE = 1000
-"""Advances in which an engine may stand where it was: one may end before a look, at a
-sample, or where its draws are used up, but not without end.
+"""Most consecutive advances without progress: one may end before a snapshot, at a
+sample, or when its random numbers are used up, but not indefinitely.
 """
 
 
 def advances(engine: Engine, leg: Leg) -> Iterator[Advance]:
-    """Advance an engine to the end of a leg; yield what it passes, part by part.
+    """Advance an engine to the end of a leg; yield its samples and snapshots, part by
+    part.
 
-    Raises `RuntimeError` if the engine no longer gets on.
+    Raises `RuntimeError` if the engine makes no progress.
     """
     filled = 0
     seen = 0
@@ -503,8 +502,8 @@ def advances(engine: Engine, leg: Leg) -> Iterator[Advance]:
 
 
 def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
-    """Return the looks that fall before a time: a copy goes there, so that the run
-    itself need not stop.
+    """Return the snapshots of a leg up to a time, taken by a copy of the engine so that
+    the run itself need not stop at them.
     """
     seen = []
     for look in leg.looks:

@@ -1,4 +1,4 @@
-"""Elastic sliders: N contacts on each block, breaks located inside the steps:
+"""Elastic sliders with N contacts on each block, breaks located inside the time steps:
 `stickslip.kernels.blocks`.
 """
 
@@ -58,28 +58,29 @@ from stickslip.simulation.engines.start import (
 )
 from stickslip.simulation.estimates import LARGEST, Course, Part, breaking, contacts_of
 
-# longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
+# longest step, in radians of the body's fastest oscillation; it gives the speeds of
+# fronts to 1e-4
 ANGLE = 0.05
-_DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
-# random numbers drawn at once for a block; the same seed gives another run with another
-# length
+_DASHPOT = 0.2  # longest step times the fastest decay rate of the dashpots
+# random numbers drawn at once for a block; with another length the same seed gives
+# another run
 _POOL = 256
-# Seconds of a step, and of a block in it in which no contact breaks, of a break, and of
-# a block at each break in balance.
+# Seconds of a step, and of a block in it without a break; of a break; and of a block at
+# each break in balance.
 _ALL, _STEP = 3e-7, 2e-8
 _BREAK = 7e-7
-_BEGIN = 1.5e-4  # seconds of a block before all
+_BEGIN = 1.5e-4  # seconds to start a block
 _BALANCE = 4e-8
-_WORTH_A_TRIAL = 0.02  # seconds from which on lives are counted in a trial
+_WORTH_A_TRIAL = 0.02  # seconds above which breaks are counted in a trial run
 _CONTACT = 64.0  # bytes of a contact
-_BLOCK = 250.0  # and of a block, its springs to others included
-# events, or eight steps of a block each, in an advance: some 50 to 200 ms
+_BLOCK = 250.0  # bytes of a block, including its springs to others
+# work in an advance, some 50 to 200 ms; an event, or eight steps of a block, is one
 _BUDGET = 2_000_000
 
 
 def _lives_as_one(rig: Rig, body: ElasticBody, by_theory: float) -> float:
-    """How often a contact breaks in a run, as under all blocks as one slider; or by
-    theory, where a trial does not show it.
+    """Number of breaks of a contact in a run, from a trial in which all blocks are one
+    rigid slider; `by_theory` where the trial does not show it.
     """
     slider = Slider(
         stiffness=float(body.pulled.mean()), mass=body.mass, damping=body.damping
@@ -94,11 +95,11 @@ def _lives_as_one(rig: Rig, body: ElasticBody, by_theory: float) -> float:
 def balanced(
     beginning: Beginning, *, always: bool = False
 ) -> tuple[Array, Array, Array]:
-    """Constant forces on the blocks: all of them, and those that no driving spring
-    carries; and the prestress.
+    """Return the constant forces on the blocks, the part of them that driving springs
+    do not carry, and the stretching of the prestress.
 
-    Raises `InputError` if no spring holds the body, in its balance at the start or
-    `always`.
+    Raises `InputError` if no spring holds the body, unless the start is a prestress;
+    with `always`, also then.
     """
     body = beginning.slider
     start = beginning.start
@@ -131,8 +132,8 @@ def balanced(
 
 
 def check_body(rig: Rig) -> None:
-    """Raise `InputError` for more blocks than memory takes, or for a prestress that the
-    contacts of a rig cannot hold.
+    """Raise `InputError` for more blocks than memory holds, or for a prestress beyond
+    the thresholds of a rig's contacts.
     """
     case = rig.natural
     body = case.slider
@@ -149,7 +150,7 @@ def check_body(rig: Rig) -> None:
 
 
 def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
-    """One number for all blocks, or one for each, as one for each."""
+    """Expand a number for all blocks, or one for each, to one for each."""
     if isinstance(value, tuple) and len(value) != body.size:
         raise InputError(
             f"{place}: has {len(value)} numbers for {body.size} blocks; give one, or "
@@ -160,7 +161,7 @@ def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -
 
 @lru_cache(maxsize=1)
 def _neighbours(body: ElasticBody) -> tuple[NDArray[np.int32], Array]:
-    """Blocks next to each one, itself where there is none, and the springs to them."""
+    """Neighbours of each block, itself where it has fewer, and the springs to them."""
     pairs, stiffness = body.links
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(ends[:, 0], kind="stable")
@@ -175,7 +176,7 @@ def _neighbours(body: ElasticBody) -> tuple[NDArray[np.int32], Array]:
 
 
 def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
-    """Return a body as the kernels take it."""
+    """Return the constants of a body for the kernels."""
     return Network(
         *_neighbours(hashable(body)),
         body.pulled,
@@ -188,15 +189,13 @@ def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
 
 
 def longest_step(network: Network) -> float:
-    """Longest step of a body's motion."""
+    """Longest time step for the motion of a body."""
     rate = stiffest_dashpot(network)
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
 
 
 class Streams:
-    """Random numbers of each block, which do not depend on how many blocks there
-    are.
-    """
+    """Streams of random numbers of each block, independent of the number of blocks."""
 
     def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
         delay = interface.delay
@@ -221,11 +220,11 @@ class Streams:
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
 
     def of(self, block: int, kind: int) -> np.random.Generator:
-        """Begin one of a block's streams: of initial stretchings, of thresholds, of
-        delays, and of tracks.
+        """Begin one of a block's streams: of initial stretchings (0), thresholds (1),
+        delays (2) or tracks (3).
         """
-        # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the
-        # others.
+        # the same as SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind], without
+        # spawning the others
         return np.random.default_rng(
             np.random.SeedSequence(self._seed, spawn_key=(block, kind))
         )
@@ -244,8 +243,8 @@ def drawn_contacts(
     count: int,
     prestress: Array,
 ) -> tuple[Array, Array, Array]:
-    """Stretchings, thresholds and times of re-attachment of the contacts of all
-    blocks, shape (blocks, count) each.
+    """Draw stretchings, thresholds and times of re-attachment of the contacts of all
+    blocks, each of shape (blocks, count).
     """
     body = beginning.slider
     assert isinstance(body, ElasticBody)
@@ -274,8 +273,8 @@ def start_of(
     friction: Array,
     slides: NDArray[np.bool_],
 ) -> tuple[Array, Array]:
-    """Displacements and velocities of the blocks at the start, in balance with their
-    friction if they slide.
+    """Return displacements and velocities of the blocks at the start, in balance with
+    their friction if they slide.
     """
     if not beginning.sliding:
         return np.zeros(body.size), np.zeros(body.size)
@@ -292,11 +291,11 @@ def start_of(
 @solves(Contacts, elastic=True)
 @solves(QuasiStatic, elastic=True)
 class BlocksOfContacts(Engine):
-    """Blocks with N contacts each, fed with random numbers block by block.
+    """Blocks with N contacts each, supplied with random numbers block by block.
 
-    With inertia in steps of time, breaks located inside them:
-    `stickslip.kernels.blocks`; or in balance all the time, from event to event:
-    `stickslip.kernels.quasistatic`.
+    Either with inertia, in time steps with breaks located inside them
+    (`stickslip.kernels.blocks`), or in balance at all times, from event to event
+    (`stickslip.kernels.quasistatic`).
     """
 
     angle = 0.1
@@ -342,7 +341,7 @@ class BlocksOfContacts(Engine):
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
         if self._balanced:
-            # creep has a velocity, but no kinetic energy
+            # the velocity of creep carries no kinetic energy
             self._network = self._network._replace(mass=0.0)
             self._longest = math.inf
             self._room = np.zeros((7, body.size))
@@ -353,14 +352,14 @@ class BlocksOfContacts(Engine):
         method: Contacts | QuasiStatic,
         course: Course,
     ) -> tuple[Part, ...]:
-        """Return the work of a run, by part: of steps, unless in balance all the
-        time, and of breaks.
+        """Return the work of a run, by part: of time steps, unless it is always in
+        balance, and of breaks.
         """
         body = rig.slider
         balanced = isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
         room = _BLOCK * body.size + _CONTACT * contacts_of(rig)
-        if room > LARGEST:  # as is what steps would be counted on
+        if room > LARGEST:  # the arrays for counting the steps would be as large
             blocks = Part(
                 "slider.blocks",
                 body.size,
@@ -376,12 +375,12 @@ class BlocksOfContacts(Engine):
         if not balanced:
             network = network_of(body, np.empty(0), np.empty(0))
             step = longest_step(network)
-            # dashpots ask for shorter steps than springs
+            # whether dashpots require shorter steps than springs
             stiff = step < longest_step(network._replace(lag=0.0))
             steps = rig.drive.duration / step
         count = body.size * method.count
         each = _BALANCE * body.size if balanced else _BREAK
-        # The prestress may break each once, however short the way of the drive.
+        # The prestress may break each contact once, however little the drive moves.
         lives = max(
             lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed))
         )
@@ -406,7 +405,7 @@ class BlocksOfContacts(Engine):
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Sums over blocks, then fields of all blocks."""
+        """Names of the samples: sums over blocks, then fields of all blocks."""
         return SUMS + tuple(name for name in OF_BLOCKS for _ in range(self.slider.size))
 
     def here(self) -> tuple[float, float]:
@@ -414,7 +413,7 @@ class BlocksOfContacts(Engine):
         return float(self._motion.now.time), float(self._motion.blocks.X.mean())
 
     def contact_force(self) -> float:
-        """Mean friction force of the blocks now, per contact."""
+        """Return the current mean friction force of the blocks, per contact."""
         blocks = self._motion.blocks
         element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
         return float(
@@ -424,8 +423,8 @@ class BlocksOfContacts(Engine):
         )
 
     def marks(self) -> dict[str, Array]:
-        """Return when each block first broke, at which spring force, was half
-        detached; and its preload.
+        """Return the time and spring force of each block's first break, the time at
+        which half of its contacts were detached, and its preload.
         """
         blocks = self._motion.blocks
         return {
@@ -436,7 +435,7 @@ class BlocksOfContacts(Engine):
         }
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+        """Advance by several steps or events."""
         sampling = Sampling(
             leg.times, np.empty((leg.times.size, self._motion.rows.shape[1]))
         )
@@ -450,19 +449,19 @@ class BlocksOfContacts(Engine):
         else:
             why = drive.PAUSED
         rows = sampling.samples[: self._motion.now.sampled]
-        # The next step passes the look; or it is where all ends.
+        # The next step would pass the snapshot, or the leg ends here.
         seen = looks_aside(self, leg, look if why == drive.LOOK else self.here()[0])
         on_the_way = drive.PAUSED, drive.LOOK, drive.STANDS_STILL
         return Advance(rows, seen, over=why not in on_the_way)
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts of all blocks now."""
+        """Return the current stretchings of the attached contacts of all blocks."""
         contacts = self._state.contacts
         x = (self._motion.blocks.X[:, None] - contacts.birth)[contacts.threshold > 0]
         return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        """Go on, and return why it ends."""
+        """Call the kernel, and return the reason why it stopped."""
         given = (
             self._state,
             self._network,
@@ -477,8 +476,8 @@ class BlocksOfContacts(Engine):
         return blocks.advance_blocks(*given)
 
     def _provide(self, why: int) -> bool:
-        """Provide what the kernel has come back for; return whether it was for
-        that.
+        """Refill the random numbers that the kernel has used up; return whether it
+        stopped for that reason.
         """
         contacts = self._state.contacts
         block = int(self._motion.now.block)

@@ -1,7 +1,7 @@
 """N contacts, event by event, exact for their number: `stickslip.kernels.events`.
 
-Whatever makes contacts break before a fixed threshold, or after it has grown, is the
-rule of `stickslip.kernels.thinning`.
+Contacts that break before a fixed threshold, or after it has grown, follow the rule of
+`stickslip.kernels.thinning`.
 """
 
 import math
@@ -75,43 +75,46 @@ from stickslip.simulation.estimates import (
     way_of,
 )
 
-# random numbers drawn at once; the same seed gives another run with another length
+# random numbers drawn at once; with another length the same seed gives another run
 _BLOCK = 16_384
 _EVENTS = 400_000  # events in an advance: some 50 ms
-# Seconds that a run takes to begin and to end; an event; a break by the shared clock;
-# and another box of a contact that is in boxes of its own.
+# Seconds to begin and end a run; of an event; of a break by the shared clock; and of
+# each further box of a contact that has its own boxes.
 _RUN, _EVENT, _CLOCKED_BREAK, _BOX = 2e-3, 1.8e-7, 6e-7, 2e-7
-# an event takes twice as long of so many contacts, which no cache holds, up to so much
+# number of contacts for which an event takes twice as long, as no cache holds them, and
+# the largest such factor
 _CACHED, _UNCACHED = 1.5e5, 2.0
-# events of a break and the attachment after it, and where that is the same event
+# events of a break and its re-attachment, with a delay and without
 _APART, _AT_ONCE = 2.0, 1.0
-# Flights that end without a break, in a radian, as the search for its end does: of a
-# slider that rings, and more the more it is damped, up to a damping ratio of 1.
+# Flights that end without a break, per radian, as the search for their end does: for a
+# slider that rings, plus a number proportional to the damping ratio, up to a ratio of
+# 1.
 _FLIGHTS, _DAMPED_FLIGHTS = 1.0, 5.0
 _FLIGHT = 9e-7  # seconds of such a flight
-# Searches take once more for each such damping ratio, up to so many times.
+# damping ratio for which a search takes twice as long, and the largest such factor
 _OVERDAMPED, _SLOWEST = 9.0, 9.0
-# Seconds from which on lives are counted in a trial, of one of so many of the contacts,
-# of so many at least and at most.
+# Seconds above which breaks are counted in a trial; it takes one in _PART of the
+# contacts, at least _FEWEST and at most _MOST.
 _WORTH_A_TRIAL = 0.006
 _PART, _FEWEST, _MOST = 100, 20, 200
-# It goes on for so many events, at least and at most, or this part of those that theory
-# has in the whole run; its beginning is past after that part of the trial.
+# Events of a trial, at least and at most, or this fraction of those expected in the
+# whole run; the transient is over after the fraction _BEGUN of the trial.
 _LEAST_TRIED, _MOST_TRIED, _SHARE = 20_000, 500_000, 0.03
 _BEGUN = 0.4
-_LOOK = 1000  # events between two looks at a trial
-# seconds that it takes to lay a window of the shared clock, some four on its width
+_LOOK = 1000  # events between two checks of a trial
+# seconds to compute a window of the shared clock; about four make up its width
 _WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
-# of a run's time; shorter turns of the slider are lost in the rounding of time
+# fraction of a run's time; shorter turning times are lost in the rounding of time
 _FINEST_TURN = 1e-13
-# the same for each contact that keeps its strength: its lifetimes are much alike
+# lifetimes drawn for each contact that keeps its strength, which are similar
 _LIVES = 16
 
 
 class Attachments(NamedTuple):
-    """Of each contact where it was attached unstretched, its threshold, and when it
-    re-attaches: below 0 while it is attached; and the factor of thresholds to come.
+    """Future of each contact: the position of the slider at which it was attached
+    unstretched, its threshold, the time of re-attachment (below 0 while attached), and
+    the common factor of future thresholds.
     """
 
     birth: Array
@@ -124,7 +127,7 @@ class Attachments(NamedTuple):
 @solves(Contacts, type(None), *GROWTH, activation=HEAT)
 @solves(Contacts, *GROWTH)
 class EventByEvent(Engine):
-    """Contacts whose next event is always known; fed with random numbers in blocks
+    """Contacts whose next event is always known, supplied with random numbers in blocks
     of a fixed length.
     """
 
@@ -159,7 +162,7 @@ class EventByEvent(Engine):
         self._factor = track_factor(interface, self._tracks)
         self.slider = slider_constants(beginning.slider)
         self._rule = rule_of(interface)
-        # All lengths that contacts have are in proportion to the load.
+        # All lengths of contacts are proportional to the load.
         load = beginning.load
         unloaded = replace(beginning, velocity=beginning.velocity / load)
         x, strength, pending, since = self._first(unloaded, method.count)
@@ -174,10 +177,10 @@ class EventByEvent(Engine):
         )
         path = strength[:4096] if strength.size else np.ones(1)
         boxes = 1.0
-        # contacts that grow from little do not get as far as their strengths
+        # contacts that grow from a small strength break before they reach the full one
         if interface.ageing is not None:
             _, path, lived = drawn_lives(interface, beginning.velocity)
-            # by heat most boxes are left before the contact is at their side
+            # with thermal activation most boxes are left before their side is reached
             if interface.activation is None:
                 boxes = max(lived / path.size, 1.0)
         self._state = kernel.make_state(
@@ -212,7 +215,7 @@ class EventByEvent(Engine):
 
     @staticmethod
     def check(interface: Interface) -> None:
-        """Raise `InputError` for contacts that could break and re-attach for ever at
+        """Raise `InputError` for contacts that could break and re-attach endlessly at
         one moment.
         """
         if interface.activation is not None:
@@ -243,7 +246,7 @@ class EventByEvent(Engine):
 
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part: of breaks, and of turns while the
+        """Return the work of a run, by part: of breaks, and of turning points while the
         slider rings.
         """
         interface = rig.interface
@@ -257,8 +260,8 @@ class EventByEvent(Engine):
         damping = rig.slider.damping if isinstance(rig.slider, Slider) else 0.0
         ratio = damping * rig.drive.duration / (2.0 * course.turns or math.inf)
         each *= min(1.0 + ratio / _OVERDAMPED, _SLOWEST)
-        # Once it rings no more, turns cost nothing, unless rounding hides them or
-        # detached contacts hold again there.
+        # Once the ringing has decayed, turning points cost nothing, unless rounding
+        # hides them or detached contacts stick again there.
         hidden = course.turns * _FINEST_TURN > 1.0
         turns_again = interface.sliding_force > 0.0 or hidden
         radians = course.turns if turns_again else course.rung
@@ -300,17 +303,17 @@ class EventByEvent(Engine):
     def _first(
         self, beginning: Beginning, count: int
     ) -> tuple[Array, Array, Array, Array]:
-        """Draw stretchings and strengths of all contacts (detached last), when these
-        re-attach, and when those did.
+        """Draw stretchings and strengths of all contacts (detached ones last), the
+        times at which these re-attach, and those at which the others attached.
 
-        Detached contacts that keep their strengths have them, too.
+        Detached contacts that keep their strengths have them as well.
         """
         rng = self._initial
         interface = self._interface
         velocity = beginning.velocity
         keeps = interface.keeps_areas
         if self._rule is None or not beginning.sliding:
-            # Growth towards a strength has come to its end; growth without end begins.
+            # Growth towards a limit has reached it; growth without a limit begins.
             ended = isinstance(interface.ageing, ExponentialGrowth | TabulatedGrowth)
             since = np.full(count, -math.inf if ended else 0.0)
             return *first_contacts(beginning, count, rng, self._factor), since
@@ -327,8 +330,8 @@ class EventByEvent(Engine):
                 reached,
             )
             return x, strength, pending, -gone / velocity
-        # Each is met somewhere in one of its own lifetimes and the time after it, the
-        # long ones more often.
+        # Each contact is found somewhere in one of its lifetimes and the delay after
+        # it, with a probability proportional to their length.
         every = np.repeat(start, _LIVES), np.repeat(strength, _LIVES)
         reached, _ = lifetimes_of(self._rule, *every, velocity, rng)
         path = reached.reshape(count, _LIVES) - start[:, None]
@@ -345,15 +348,15 @@ class EventByEvent(Engine):
             for one in (path, length)
         )
         gone = length * rng.random(count)
-        order = np.argsort(gone >= path, kind="stable")  # the attached first
+        order = np.argsort(gone >= path, kind="stable")  # attached contacts first
         held = np.count_nonzero(gone < path)
         gone = gone[order]
         pending = (length[order] - gone)[held:] / velocity
         return (start[order] + gone), strength[order], pending, -gone / velocity
 
     def _with_thresholds(self, draws: kernel.ContactDraws) -> kernel.ContactDraws:
-        """Return the draws with new thresholds of contacts that attach; fewer where
-        they are soon out of date.
+        """Return the draws with new thresholds for contacts that attach; fewer where an
+        arrest soon replaces them.
         """
         count = (
             min(_BLOCK, max(2 * self._state.size, 64))
@@ -374,7 +377,7 @@ class EventByEvent(Engine):
         )
 
     def _refill(self) -> None:
-        """Draw what is used up."""
+        """Draw the random numbers that are used up."""
         m = self._state.motion[0]
         draws = self._draws
         thresholds, delays, variates = short_of(m, draws, self._boxes)
@@ -399,12 +402,12 @@ class EventByEvent(Engine):
         return float(m.time), float(m.position)
 
     def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
+        """Return the current mean force of the contacts."""
         return force_of(self._state)
 
     def stretchings(self, X: float | None = None) -> Stretchings:
-        """Stretchings of the attached contacts now, with the slider at `X` or where
-        it is.
+        """Return the stretchings of the attached contacts, with the slider at `X` or at
+        its present position.
         """
         x = (self.here()[1] if X is None else X) - kernel.attached_contacts(
             self._state
@@ -412,7 +415,7 @@ class EventByEvent(Engine):
         return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def attachments(self) -> Attachments:
-        """Return what is to come of every contact."""
+        """Return the future of every contact."""
         count = self._state.size
         found = Attachments(
             np.zeros(count),
@@ -432,7 +435,7 @@ class EventByEvent(Engine):
         return found
 
     def individuals(self) -> Individuals:
-        """Every contact by itself, now."""
+        """Return the current stretching of each contact."""
         stretching = np.zeros(self._state.size)
         attached = np.zeros(self._state.size, dtype=bool)
         contacts = kernel.attached_contacts(self._state)
@@ -441,11 +444,11 @@ class EventByEvent(Engine):
         return Individuals(stretching, attached)
 
     def _arrest(self) -> None:
-        """The slider has stopped after a break: contacts attach to another track."""
+        """Draw the factor of a new track, as the slider has stopped after a break."""
         before = self._factor
         self._factor = track_factor(self._interface, self._tracks)
         self._draws = self._with_thresholds(self._draws)
-        # those of a strong track are stiffer, too
+        # contacts on a strong track are stiffer as well
         if self._boxes is not None and self._interface.areas:
             self._boxes.own[:] *= math.sqrt(self._factor / before)
             stiffest = max(
@@ -454,7 +457,7 @@ class EventByEvent(Engine):
             self._boxes = self._boxes._replace(stiffest=stiffest)
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by some events."""
+        """Advance by several events."""
         m = self._state.motion[0]
         self._draws = self._draws._replace(load=leg.load)
         sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
@@ -478,14 +481,15 @@ class EventByEvent(Engine):
                 self._refill()
             elif why == ARRESTED:
                 self._arrest()
-            # before the flight that passes it, so that none is cut in two
+            # the kernel stops before the flight that passes the snapshot, and does not
+            # cut the flight in two
             elif why == LOOK:
                 seen.append(self.stretchings(m.looked))
             else:
                 break
         else:
             why = PAUSED
-        # at the very end
+        # snapshots at the very end of the leg
         reached = np.searchsorted(leg.looks, m.time, side="right")
         seen += [self.stretchings() for _ in range(len(seen), int(reached))]
         return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
@@ -493,11 +497,12 @@ class EventByEvent(Engine):
 
 @lru_cache(maxsize=256)
 def tried(rig: Rig, most: int = _LEAST_TRIED) -> tuple[float, float]:
-    """How often a contact breaks in a run, and how many flights of the slider end
-    without a break or an attachment for each that does break, as in a trial with few
-    contacts for at `most` so many events; infinite where it has shown no break of late.
+    """Return the number of breaks of a contact in a run, and the number of flights of
+    the slider that end without an event per break, from a trial with few contacts.
 
-    No formula says how far a slider slips past contacts that are still detached.
+    The trial lasts at most `most` events; both are infinite if no contact breaks in its
+    later part. No formula gives how far a slider slips past contacts that are still
+    detached.
     """
     method = rig.method
     assert isinstance(method, Contacts)
@@ -522,8 +527,8 @@ def tried(rig: Rig, most: int = _LEAST_TRIED) -> tuple[float, float]:
 def _looks_of(
     engine: EventByEvent, beginning: Beginning, rig: Rig, most: int
 ) -> Iterator[tuple[float, int, int]]:
-    """Go along the drive of a rig for at `most` so many events; yield how far the drive
-    has come, and the breaks and events up to there.
+    """Follow the drive of a rig for at most `most` events; yield the distance of the
+    drive, and the numbers of breaks and events so far.
     """
     position = beginning.drive_position(engine.contact_force())
     motion = engine._state.motion[0]

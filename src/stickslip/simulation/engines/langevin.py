@@ -56,32 +56,32 @@ from stickslip.sliding.lifetimes import hazard_of
 # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean
 # breaking displacements
 _STEP = 0.02
-# Largest step of a free slider in units of the contacts' memory: it answers to what
-# they lost in the step before. At 0.12 the force fluctuates as it does in the limit of
-# small steps, to some 5 %; of the kinetic equation, followed to second order, the step
-# may be longer.
+# Largest step of a free slider in units of the contacts' memory, as it responds to the
+# force of the step before. At 0.12 the force fluctuates as in the limit of small steps,
+# to some 5 %; the kinetic equation is solved to second order and allows longer steps.
 _OF_MEMORY = 0.12
 _OF_MEMORY_DENSITY = 0.25
 _TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
-"""Seconds a step takes, a contact asleep in it, and a look at one; at a temperature
-a time of ageing, and a break.
+"""Seconds of a step, of a sleeping contact in it, and of checking a contact; with
+thermal activation those of an ageing time, and of a break.
 """
 _CONTACT = 150.0  # bytes of a contact
-# delays drawn for contacts to choose from; one will do if all are the same
+# delays drawn, from which contacts choose; one suffices if all are equal
 _POOL = 65_536
-# seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4;
-# of second order
+# seconds of the cohorts per ageing time or mean threshold, for an error of 1e-4; the
+# method is of second order
 _AGED = 9.6e-3
-_CELL = 3.5e-8  # seconds of a cell of a cohort in a step; the smaller of both counts
-# steps of a contact in an advance; with temperature each is a step of many
+_CELL = 3.5e-8  # seconds of a cell of a cohort in a step; the smaller estimate counts
+# steps of a contact in an advance; with thermal activation each has many sub-steps
 _BUDGET = 500_000
 _HOT_BUDGET = 25_000
 
 
 def _memory(constants: Constants, speed: float) -> float:
-    """Memory of contacts for the speed at which they slide: the relaxation time of
-    their margins at the boundary, and the life of a newborn; inf where the slider is
-    too slow to drive them all to break.
+    """Return the memory of contacts at a sliding speed: the relaxation time of their
+    margins at the boundary, plus the life of a newborn.
+
+    It is infinite where the slider is too slow to make them all break.
     """
     square = constants.rate**2
     fall = speed - square * constants.mean
@@ -92,16 +92,17 @@ def _memory(constants: Constants, speed: float) -> float:
 
 
 def _longest(constants: Constants, part: float, *speeds: float) -> float:
-    """Largest step of a free slider on a piece of a drive that has these speeds at its
-    ends: a part of the contacts' memory.
+    """Return the largest step of a free slider, a fraction `part` of the contacts'
+    memory, on a piece of the drive with these speeds at its ends.
 
-    At the speed of the drive: a faster slider slips, and does not slide smoothly.
+    The memory is that at the speed of the drive, as a faster slider slips and does not
+    slide smoothly.
     """
     return part * _memory(constants, max(abs(speed) for speed in speeds))
 
 
 def _remembered(rig: Rig, part: float) -> float:
-    """Steps of a run, at least, by the contacts' memory."""
+    """Return the least number of steps of a run that the contacts' memory requires."""
     constants = ageing_constants(rig.natural.interface)
     return sum(
         piece.duration / _longest(constants, part, piece.start, piece.end)
@@ -110,8 +111,8 @@ def _remembered(rig: Rig, part: float) -> float:
 
 
 def _cohorts(rig: Rig, step: float) -> float:
-    """Cohorts of the density in a step, on average over the pieces of the drive: as
-    many as there are steps of the slider in the life of a contact.
+    """Return the mean number of cohorts of the density over a run: in each step, the
+    number of steps of the slider in the life of a contact.
     """
     constants = ageing_constants(rig.natural.interface)
     steps = 0.0
@@ -128,17 +129,17 @@ def _cohorts(rig: Rig, step: float) -> float:
 
 
 class Steps(Engine, Protocol):
-    """An engine that takes steps of time, and samples no energies."""
+    """An engine that advances in time steps, and samples no energies."""
 
     columns: ClassVar[tuple[str, ...]] = MOTION
-    # that of its steps: samples finer than that show no more
+    # that of its steps: finer samples would show no more
     angle: ClassVar[float] = 0.35
 
     _constants: Constants
-    state: Array  # time, position of the slider, and what else the kernel keeps there
-    longest: float  # largest step of time
-    reach: float  # largest way of the slider in a step
-    remembered: float  # largest step of a free slider, of the contacts' memory
+    state: Array  # time, position of the slider, and more that the kernel keeps there
+    longest: float  # largest time step
+    reach: float  # largest displacement of the slider in a step
+    remembered: float  # largest step of a free slider over the contacts' memory
     budget: int  # steps in an advance: some 50 ms
 
     def take(self, course: time_steps.Course) -> Array:
@@ -150,7 +151,7 @@ class Steps(Engine, Protocol):
         return float(self.state[0]), float(self.state[1])
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps, at most to the one that would pass a look."""
+        """Advance by several steps, at most to the one that would pass a snapshot."""
         times = np.minimum(leg.times, leg.end)
         wanted = times.size
         if wanted == 0 or times[-1] < leg.end:
@@ -175,13 +176,13 @@ class Steps(Engine, Protocol):
         now = self.here()[0]
         stopped = len(samples) > 0 and holds(leg.stop, samples[-1, 0], samples[-1, 2])
         over = stopped or now >= leg.end
-        # A course that has not gone a step stands before its look.
+        # A course without a step is just before its snapshot.
         seen = looks_aside(self, leg, look if now == before and not over else now)
         return Advance(samples[:, [0, 1, 3, 4]], seen, over)
 
     def settle(self, beginning: Beginning) -> None:
-        """Put the slider at its start; where it slides, up to time and position 0
-        rigidly at first, and unseen.
+        """Set the slider to its start; where it slides, first drive it rigidly, without
+        samples, up to time and position 0.
         """
         if beginning.sliding:
             self.slider = slider_constants(None)
@@ -199,8 +200,8 @@ class Steps(Engine, Protocol):
 
 
 def _start(beginning: Beginning, rate: float) -> float:
-    """When to begin to slide rigidly, to be in the steady state at time 0:
-    lifetimes, and times of ageing before.
+    """Return the time at which rigid sliding must begin to be steady at time 0: several
+    lifetimes and ageing times before.
     """
     if not beginning.sliding:
         return 0.0
@@ -213,7 +214,7 @@ def _start(beginning: Beginning, rate: float) -> float:
 
 
 def _settling(rig: Rig) -> float:
-    """Time of rigid sliding before a run begins."""
+    """Return the time of rigid sliding before a run begins."""
     assert isinstance(rig.interface.ageing, Langevin)
     case = rig.natural
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
@@ -221,7 +222,7 @@ def _settling(rig: Rig) -> float:
 
 
 def _way_settled(rig: Rig) -> float:
-    """Way of rigid sliding before a run begins, in mean thresholds."""
+    """Return the distance of rigid sliding before a run begins, in mean thresholds."""
     mean = rig.natural.interface.threshold_distribution.moment(1)
     return abs(rig.natural.velocity) * _settling(rig) / mean
 
@@ -232,8 +233,8 @@ def _cost(
     aged: float,
     part: Part,
 ) -> tuple[Part, ...]:
-    """Return the work of a run, by part; a time of ageing takes the seconds `aged`,
-    at rest as in motion.
+    """Return the work of a run, by part; an ageing time costs `aged` seconds, at rest
+    as well as in motion.
     """
     assert isinstance(rig.interface.ageing, Langevin)
     rate = rig.interface.ageing.rate
@@ -252,7 +253,7 @@ def _cost(
 @solves(Contacts, Langevin)
 @solves(Contacts, Langevin, activation=HEAT)
 class LangevinContacts(Steps):
-    """N contacts in small steps, with exact moments of breaking:
+    """N contacts in small steps, with exact times of breaking:
     `stickslip.kernels.langevin_contacts`.
     """
 
@@ -280,7 +281,7 @@ class LangevinContacts(Steps):
 
     @staticmethod
     def check(interface: Interface) -> None:
-        """Raise `InputError` for thresholds that cannot age so."""
+        """Raise `InputError` for thresholds that cannot age by `Langevin`."""
         ageing_constants(interface)
 
     @staticmethod
@@ -299,9 +300,10 @@ class LangevinContacts(Steps):
                 _HOT[0] * _STEP * count * remembered,
             )
             return _cost(rig, course, _HOT[0] * count, broken)
-        # All are looked at in each step of a moving slider; in one of ageing, of
-        # margins uniform up to the mean, those too small for sleep. Larger ones sleep
-        # for a time that goes as their square: as many looks again.
+        # In a step of a moving slider all contacts are checked; in a step of ageing
+        # only those with margins too small for sleep, if margins are uniform up to the
+        # mean. A larger margin sleeps for a time proportional to its square, which
+        # doubles the number of checks.
         moved = max((course.distance + course.shaken) / _STEP, remembered)
         moved += _way_settled(rig) / _STEP
         step = _TAKEN + count * _ASLEEP
@@ -329,7 +331,7 @@ class LangevinContacts(Steps):
         )
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts now."""
+        """Return the current stretchings of the attached contacts."""
         x, held = self.individuals()
         return Stretchings(
             x[held],
@@ -338,7 +340,7 @@ class LangevinContacts(Steps):
         )
 
     def individuals(self) -> Individuals:
-        """Every contact by itself, now."""
+        """Return the current stretching of each contact."""
         return Individuals(
             self._contacts.stretching + self.state[1],
             self._contacts.attach <= self.state[0],
@@ -355,7 +357,7 @@ class LangevinContacts(Steps):
                 *model,
                 self._rng,
             )
-        except RuntimeError as error:  # a contact breaks without end
+        except RuntimeError as error:  # a contact breaks endlessly
             raise InputError(str(error)) from None
 
 
@@ -371,7 +373,7 @@ class LangevinDensity(Steps):
         step = 4.0 / cells
         self.longest = step / self._constants.rate**2
         self.reach = step * self._constants.mean
-        # of some cells^2 cells of the density each
+        # each step takes about cells^2 cells of the density
         self.budget = math.ceil(8e7 / cells**2)
         self._nodes = density_nodes(self._constants, cells / 40.0)
         cohorts = _first_cohorts(beginning, self._nodes, 4.0 * self.reach)
@@ -390,7 +392,9 @@ class LangevinDensity(Steps):
 
     @staticmethod
     def check(interface: Interface) -> None:
-        """Raise `InputError` for thresholds that cannot age so, and for a delay."""
+        """Raise `InputError` for thresholds that cannot age by `Langevin`, and for a
+        delay.
+        """
         ageing_constants(interface)
         if interface.delay.moment(1) > 0:
             raise InputError(
@@ -412,7 +416,7 @@ class LangevinDensity(Steps):
         constants = ageing_constants(rig.natural.interface)
         cells = density_nodes(constants, _cells_of_density(method.rtol) / 40.0).size
         each = _CELL * cells * (_cohorts(rig, step) + 0.5)
-        # A step of way is as the root of rtol, one of the memory does not change.
+        # Steps by displacement vary as the root of rtol, steps by memory do not.
         part = Part(
             "simulation.rtol",
             method.rtol,
@@ -424,7 +428,7 @@ class LangevinDensity(Steps):
         return _cost(rig, course, aged, part)
 
     def stretchings(self) -> Stretchings:
-        """Mean stretchings of the cohorts now."""
+        """Return the current mean stretchings of the cohorts."""
         fraction = self._cohorts.mass.sum(axis=1)
         kept = fraction > 0.0
         place = (
@@ -445,8 +449,10 @@ class LangevinDensity(Steps):
 
 
 def _cells_of_density(rtol: float) -> float:
-    """Cells by which a run is right to `rtol`; the largest step is 4/cells, in units of
-    ``1/rate**2`` and of the slider in mean thresholds. Of second order.
+    """Return the number of cells for an error `rtol` of a run, by second order.
+
+    The largest step is 4/cells, in units of ``1/rate**2`` for time and of mean
+    thresholds for the slider.
     """
     return 400.0 * math.sqrt(1e-4 / rtol)
 
@@ -456,11 +462,11 @@ def _first_cohorts(
     margins: Array,
     width: float,
 ) -> tuple[Array, Array, Array]:
-    """Cohorts of contacts whose stretchings are no farther apart than `width`, the
-    slider at 0.
+    """Return cohorts of contacts whose stretchings differ by no more than `width`, with
+    the slider at 0.
 
-    Returns the places where they attached, the fraction of contacts by cohort and
-    rupture margin, and its moment about these places.
+    They are given by the places where they attached, the fraction of contacts by cohort
+    and rupture margin, and its first moment about these places.
     """
     distribution = beginning.interface.threshold_distribution
     initial = (
@@ -473,10 +479,10 @@ def _first_cohorts(
     x = x[kept]
     fraction = fraction[kept]
     mass = distribution.density(margins + np.abs(x)[:, None]) * cell_widths(margins)
-    mass[:, 0] = 0.0  # none is on its boundary
+    mass[:, 0] = 0.0  # no contact is on its boundary
     mass *= (fraction / mass.sum(axis=1) / fraction.sum())[:, None]
-    # Those pulled back and those pulled ahead apart: as the slider moves, the margins
-    # of ones widen, of others narrow.
+    # Contacts stretched backward and forward go into different cohorts: as the slider
+    # moves, the margins of the former widen and those of the latter narrow.
     _, into = np.unique(np.floor(x / width), return_inverse=True)
     place = -np.bincount(into, fraction * x) / np.bincount(into, fraction)
     together, moment = np.zeros((2, place.size, margins.size))

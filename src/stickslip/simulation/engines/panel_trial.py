@@ -1,5 +1,5 @@
-"""The work of a run of the master equation, known from a first part of it that is
-tried: no theory says how often a rig slips, nor how finely it rings.
+"""Estimate of the work of a run of the master equation, from a trial of its first part:
+no theory gives how often a rig slips, or how long it rings.
 """
 
 import math
@@ -21,49 +21,50 @@ from stickslip.simulation.estimates import LONGEST, Course, shortened, way_of
 if TYPE_CHECKING:
     from stickslip.simulation.engines.panels import Panels
 
-# seconds over a mean threshold, about, how many times that where cohorts have clocks,
-# and a radian of the slider's oscillation
+# approximate seconds per mean threshold, the factor where cohorts have clocks, and
+# seconds of a radian of the slider's oscillation
 _PATH, _CLOCKED, _RADIAN = 1.2e-3, 10.0, 5e-5
-# seconds over a mean threshold at the least: of steps as wide as the widest panel
+# least seconds per mean threshold, in steps as wide as the widest panel
 FEWEST = 5e-5
-WORTH_A_TRIAL = 0.02  # seconds from which a run is tried
+WORTH_A_TRIAL = 0.02  # estimated seconds above which a trial is made
 _STEP, _DRAW, _NODE = 1.7e-5, 1.3e-7, 7.5e-8
 _AT_RISK, _HEATED, _PULLED = 5e-7, 1e-6, 9e-6
-"""Seconds that a step takes, and a node of counted contacts in it; in a sweep of
-Newton's method a node, and so much more where thresholds have knots or grow, or, at a
-temperature, it may break; and where it is pulled too fast for heat to break it.
+"""Seconds of a step, and of a node of counted contacts in it; then, in each sweep of
+Newton's method, seconds of a node, and additional seconds where thresholds have knots
+or grow, where contacts may break thermally, and where they are pulled too fast for
+that.
 """
-# Seconds of each further stretching of newborns at a node of a sweep, and times that
+# Seconds of each further stretching of newborns at a node in a sweep, and the factor
 # where thresholds have knots.
 _ATTACHED, _KNOTTED = 5e-7, 3.5
-_SQUARED = 1.7  # times that where the barrier is the energy: each takes roots
-_AT_ONCE = 20  # steps between two looks at the work of a trial
+_SQUARED = 1.7  # factor where the barrier is the elastic energy, as roots are taken
+_AT_ONCE = 20  # steps between two checks of a trial
 _LEAST, _SHARE, _MOST = 0.1, 0.05, 2.0
-"""Trials take these seconds, or this part of the whole run if that is more, and never
-more than the last number of seconds.
+"""A trial takes _LEAST seconds, or the fraction _SHARE of the whole run if that is
+more, and never more than _MOST seconds.
 """
-_HOPELESS = 100.0  # above this excess over the limit even a poor estimate refuses
-_ROUNDS = 6.0  # as many lives of contacts show what a run settles to
-_BROKEN = 0.5  # contacts broken for each that there is: the first slip has begun
-_RINGS = 100.0  # radians after it that are followed at least
+_HOPELESS = 100.0  # excess over the limit that a rough estimate suffices to refuse
+_ROUNDS = 6.0  # lives of contacts in which a run shows its lasting behaviour
+_BROKEN = 0.5  # breaks per contact from which the first slip has begun
+_RINGS = 100.0  # radians after the first slip that are followed at least
 _DIES = 10.0
-"""Times of decay in which the steps of a slider that rings come back to those of one
-that does not: they grow as the 6th root of what is left of an error of 1e-4.
+"""Decay times after which the steps of a ringing slider are as long as without
+ringing: they grow as the 6th root of the remaining amplitude over an error of 1e-4.
 """
-_SECTIONS = 8  # of a drive, at most, but for parts of ramps
-_OF_RAMP = 4  # parts of a ramp that are
-_SETTLED = 0.4  # part of a trial in which the first slips are past: others follow
+_SECTIONS = 8  # most sections of a drive, except the parts of ramps
+_OF_RAMP = 4  # parts of a ramp
+_SETTLED = 0.4  # fraction of a trial after which the first slips are past
 
 
 def seconds_of_path(interface: Interface, course: Course) -> float:
-    """Seconds of a run, about, of which nothing has been tried."""
+    """Approximate seconds of a run without a trial."""
     clocked = bool(interface.mechanisms & {"ageing", "activation"})
     path = _PATH * (course.distance + course.shaken)
     return path * (_CLOCKED if clocked else 1.0) + _RADIAN * course.rung
 
 
 def seconds_since(before: Record, engine: "Panels") -> float:
-    """Seconds of the work since there were these counts, by the cohorts of now."""
+    """Seconds of the work since these counts, with the present number of cohorts."""
     used = engine.state.used
     breaking = engine.case.breaking
     counted = engine.case.finite is not None
@@ -75,7 +76,7 @@ def seconds_since(before: Record, engine: "Panels") -> float:
         may_break = (bottom <= cohorts.reach) | (
             breaking.blurred.bottom <= cohorts.clock
         )
-        # where `survival` is an integral
+        # nodes at which `survival` is an integral
         excess = (cohorts.clock - energy(breaking, cohorts.reach)) / breaking.width
         pulled = (np.abs(excess + 16.0) < 20.0) & (bottom < cohorts.reach)
         heated = _HEATED * may_break.sum() + _PULLED * pulled.sum()
@@ -92,11 +93,11 @@ def seconds_since(before: Record, engine: "Panels") -> float:
 
 
 def seconds_of_run(engine: "Panels", position: float, rig: Rig) -> float:
-    """Seconds of a run from a position of the drive on, from first parts of its
-    sections that the engine takes, one after the other.
+    """Estimate the seconds of a run from a position of the drive, by trials of the
+    first part of each of its sections, in order.
 
-    Each part reaches beyond the first slip, and some radians of the oscillation that
-    it leaves, unless that takes too long by itself.
+    Each trial lasts beyond the first slip and some radians of the oscillation after it,
+    unless that alone takes too long.
     """
     sections = _sections(rig.drive.pieces)
     seconds = 0.0
@@ -108,8 +109,8 @@ def seconds_of_run(engine: "Panels", position: float, rig: Rig) -> float:
 
 
 def _sections(pieces: tuple[Piece, ...]) -> list[list[Piece]]:
-    """Cut a drive in some sections that are tried each: pieces by themselves, if they
-    are few, and ramps in some, as their first part says little of the others.
+    """Cut a drive into sections for trials: single pieces if they are few, and ramps
+    into parts, as the first part of a ramp does not represent the others.
     """
     count = min(len(pieces), _SECTIONS)
     ends = [len(pieces) * i // count for i in range(count + 1)]
@@ -119,7 +120,7 @@ def _sections(pieces: tuple[Piece, ...]) -> list[list[Piece]]:
 
 
 def _parts(piece: Piece) -> list[Piece]:
-    """Cut a ramp in parts."""
+    """Cut a ramp into parts."""
     count = 1 if piece.start == piece.end else _OF_RAMP
     speeds = np.linspace(piece.start, piece.end, count + 1)
     return [
@@ -129,8 +130,8 @@ def _parts(piece: Piece) -> list[Piece]:
 
 
 class _Trial:
-    """Times since its begin that a trial of a section, one of some, has come to, the
-    seconds spent up to each, and when it slipped.
+    """Trial of a section, one of `some`: its times since its begin, the seconds spent
+    up to each, and the time of the first slip.
     """
 
     def __init__(
@@ -152,24 +153,24 @@ class _Trial:
         self.slides = isinstance(rig.start, FromSliding)
         velocity = sum(map(way_of, pieces)) / self.end
         life = mean / velocity if velocity else math.inf
-        # a contact loaded to its threshold through the spring
+        # time in which the drive loads a contact to its threshold through the spring
         self.cycle: float = life * (1.0 + 1.0 / slider.stiffness)
         self.shown = min(self.cycle + _ROUNDS * life, _SETTLED * self.end)
         self.rings: float = _DIES / slider.damping if slider.damping else math.inf
-        # contacts ring with the slider once they are back
+        # contacts oscillate with the slider once they have re-attached
         radian = math.sqrt(slider.mass / (slider.stiffness + 1.0))
         delay = rig.interface.delay.moment(1)
         self.least = _RINGS * radian + (delay if math.isfinite(delay) else 0.0)
 
     def follow(self, engine: "Panels", position: float) -> float:
-        """Go along the pieces until the rest can be estimated; return the position of
-        the drive then.
+        """Follow the pieces until the rest can be estimated; return the position of the
+        drive then.
         """
         for piece in self.pieces:
             leg = Leg.along(piece, engine.here()[0], position)
             try:
                 is_enough = self._follow_leg(engine, leg)
-            except UndecidedError:  # as the run will end there
+            except UndecidedError:  # the run itself will end there as well
                 is_enough = True
             position = float(leg.drive_position(np.asarray(engine.here()[0])))
             if is_enough:
@@ -177,7 +178,7 @@ class _Trial:
         return position
 
     def _follow_leg(self, engine: "Panels", leg: Leg) -> bool:
-        """Go along a leg; return whether the rest can be estimated."""
+        """Follow a leg; return whether the rest can be estimated."""
         engine.steps = _AT_ONCE
         for _ in advances(engine, leg):
             self.times.append(engine.here()[0] - self.begin)
@@ -195,7 +196,7 @@ class _Trial:
         return min(self.rings, self.cycle, max(self.end - self.slip, 0.0))
 
     def is_enough(self) -> bool:
-        """Whether the rest can be estimated, or has cost too much to go on."""
+        """Whether the rest can be estimated, or the trial has become too long."""
         seconds = self.some * self.spent[-1]
         now = self.times[-1]
         rung = now - self.slip
@@ -205,14 +206,14 @@ class _Trial:
             return True
         if rung < min(self.least, self.ring) and now < self.end:
             return False
-        # oscillation may grow out of smooth sliding, which costs little until then
+        # an oscillation may grow out of smooth sliding, which costs little until then
         little = _LEAST if self.slides else 0.0
         if now >= self.shown and rung >= self.ring and seconds > little:
             return True
         return seconds > max(_LEAST, _SHARE * whole)
 
     def whole(self) -> float:
-        """Seconds of the whole run: as in what is known of a cycle, or as of late."""
+        """Estimate the seconds of the whole run from a cycle or the recent rate."""
         now = self.times[-1]
         rung = now - self.slip
         if 0.0 < rung < self.ring:
@@ -223,11 +224,11 @@ class _Trial:
         return self.spent[-1] + rate * (self.end - now)
 
     def _of_cycles(self, ring: float, rung: float) -> float:
-        """Seconds of cycles of which each rings for a time, and this one has for a part
-        of it.
+        """Estimate the seconds of cycles that each ring for the time `ring`, when the
+        first has rung for the time `rung`.
 
-        Each step leaves a cohort, and in the end they are joined: the work of a time
-        grows between as the time and not at all, if it does.
+        Each step leaves a cohort, so the work per unit time grows until cohorts are
+        joined, and is constant then: the power of time is taken between the two.
         """
         halfway = self.slip + 0.5 * rung
         first, half = np.interp([self.slip, halfway], self.times, self.spent)
@@ -236,6 +237,6 @@ class _Trial:
         power = min(max(0.5 * (1.0 + grows), 1.0), 1.5)
         each = known * (ring / rung) ** power + first * (1.0 - ring / self.cycle)
         cycles = max((self.end - self.slip) / self.cycle, 1.0)
-        # what rings on into the next cycle is not still in any after the first
+        # ringing that lasts into the next cycle is part of every cycle but the first
         later = 1.0 + min(self.rings / self.cycle, 1.0)
         return float(first + (1.0 + (cycles - 1.0) * later) * each)

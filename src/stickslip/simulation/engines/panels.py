@@ -1,5 +1,5 @@
-"""The master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`:
-for N contacts or infinitely many.
+"""The master equation, Eqs. (1)-(4), solved by `stickslip.kernels.panels`, for N
+contacts or infinitely many.
 """
 
 import copy
@@ -80,28 +80,27 @@ from stickslip.simulation.engines.start import (
 from stickslip.simulation.estimates import Course, Part
 
 _SAFETY = 1e-4, 0.87
-"""Tolerance of a step for an error of 1e-4, and the power by which it falls: errors
-of steps fall a little faster.
+"""Tolerance of a step for an error of 1e-4, and the power of the error with which it
+varies: errors of steps decrease a little faster than those of the run.
 """
-# part of the tolerance of a step that is left where the survival has knots, or cohorts
-# are not cut
+# factor on the tolerance of a step where the survival has knots, or where cohorts are
+# not cut
 _AT_BENDS = 0.3
 _WIDEST = 0.3, 0.1
-"""Widest panel, over the mean threshold: where it is cut at all that is not smooth,
-and where it may bend.
+"""Widest panel over the mean threshold, where panels are cut at all knots and where
+the survival may bend inside them.
 """
-# fraction of all contacts that may break in a step where they are counted, for an error
-# of 1e-4
+# largest fraction of counted contacts that may break in a step, for an error of 1e-4
 _BROKEN = 0.02
 _GRAIN = 0.15
-"""Distance of contacts that may count as if they had attached at one place, in
-standard deviations of thresholds.
+"""Distance within which contacts count as attached at one place, in standard deviations
+of the thresholds.
 """
-# seconds that an advance lasts, about: only between two is an interrupt answered; and
-# its steps at most
+# approximate seconds of an advance (an interrupt is answered only between two), and its
+# largest number of steps
 _LASTS = 0.1
 _MOST_STEPS = 2_000
-_FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
+_FINE = 2.5e-3  # resolution of the recorded stretchings, in ``x_s``
 
 
 @solves(MasterEquation, type(None), LogarithmicGrowth, activation=(type(None), Bell))
@@ -111,10 +110,10 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 @solves(Population, ExponentialGrowth, TabulatedGrowth)
 @solves(Population, activation=(Parabolic,))
 class Panels(Engine):
-    """Cohorts of contacts that attached in the same step: fractions of infinitely
-    many, or counted.
+    """Cohorts of contacts that attached in the same step, as fractions of infinitely
+    many contacts or counted.
 
-    Its state has a record of motion, and no kernel changes it.
+    Its state includes a record of motion, and no kernel changes the state in place.
     """
 
     columns = COLUMNS
@@ -123,8 +122,8 @@ class Panels(Engine):
     smooth = True
     piece = 3.5e-4
     steps: int = 20
-    """Number of steps in the next advance, which is to take the time `_LASTS`."""
-    _lost = -math.inf  # energy of breaks at the last sample
+    """Number of steps in the next advance, chosen so that it takes `_LASTS` seconds."""
+    _lost = -math.inf  # energy lost in breaks up to the last sample
 
     check = staticmethod(check_newborns)
 
@@ -143,7 +142,7 @@ class Panels(Engine):
             hashable(interface.newborn),
             method.rtol,
         )
-        # all are as strong at first
+        # all newborns have the same strength at first
         if isinstance(interface.ageing, ExponentialGrowth):
             newborn = newborn._replace(tried=0.0)
         self.case = kernel.Case(
@@ -169,7 +168,7 @@ class Panels(Engine):
             rate = attached * beginning.velocity / path
         else:
             x, fraction = _nodes(interface.initial, distribution, self.case.accuracy)
-            # it has come to its end
+            # growth towards a limit has reached it
             if isinstance(interface.ageing, ExponentialGrowth | TabulatedGrowth):
                 lives = np.full(x.shape, NEVER), np.abs(x), np.full(x.shape, math.inf)
         self.state = kernel.initial_state(
@@ -203,8 +202,8 @@ class Panels(Engine):
         method: MasterEquation | Population,
         course: Course,
     ) -> tuple[Part, ...]:
-        """Return the work of a run: no theory says how many slips there are, so one
-        worth it is tried for a while.
+        """Return the work of a run, from a trial where it is long enough: no theory
+        gives the number of slips.
         """
         interface = rig.interface
         newborn = _newborn(
@@ -212,10 +211,10 @@ class Panels(Engine):
             hashable(interface.newborn),
             method.rtol,
         )
-        # cohorts begin from each
+        # one cohort for each stretching of newborns
         seconds = seconds_of_path(interface, course) * newborn.stretching.size
         if seconds > WORTH_A_TRIAL:
-            # a heavy slider may still be at rest where the trial ends
+            # a heavy slider may still be at rest at the end of the trial
             moved = course.distance * min(course.turns**2 / 6.0, 1.0)
             seconds = max(_tried(hashable(rig.natural)), FEWEST * moved)
         what = f"a path of {course.distance + course.shaken:.2g} mean thresholds"
@@ -226,31 +225,31 @@ class Panels(Engine):
         return float(self.state.motion.time), float(self.state.motion.position)
 
     def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
+        """Return the current mean force of the contacts."""
         return float(self.state.motion.contact_force)
 
     @property
     def seconds(self) -> float:
-        """Seconds of the last advance, by count."""
+        """Estimated seconds of the last advance, from its counts of steps."""
         return seconds_since(self._used, self)
 
     @property
     def drive_stiffness(self) -> float:
-        """Slope of the spring force over the position of the drive."""
+        """Derivative of the spring force by the position of the drive."""
         return self.slider.stiffness
 
     def pull(self, place: float, velocity: float) -> float:  # noqa: ARG002
-        """Spring force, with the drive at a place."""
+        """Return the spring force with the drive at `place`."""
         return self.slider.stiffness * (place - self.here()[1])
 
     def spring_force(self, samples: Array, leg: Leg) -> tuple[Array, Array]:
-        """Spring force at the samples of a leg, and its slope."""
+        """Return the spring force at the samples of a leg, and its rate of change."""
         stretch = leg.drive_position(leg.times) - samples[:, 0]
         slope = leg.drive.velocity - samples[:, 1]
         return self.slider.stiffness * stretch, self.slider.stiffness * slope
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+        """Advance by several steps."""
         before = self.copy()
         self._used = before.state.used
         case = self.case._replace(drive=leg.drive)
@@ -264,7 +263,7 @@ class Panels(Engine):
             self.steps,
         )
         took = max(time.perf_counter() - begun, 1e-9)
-        # twice as many at most: later steps may have more cohorts
+        # at most twice as many, as later steps may have more cohorts
         fitting = self.steps * min(_LASTS / took, 2.0)
         self.steps = int(min(max(fitting, 1.0), _MOST_STEPS))
         if reason == UNSOLVED:
@@ -272,11 +271,12 @@ class Panels(Engine):
                 f"{self._method}: no step, however short, can be solved from here on; "
                 "use another rtol, or Contacts"
             )
-        if only_lose(case) and records.size:  # however a run is cut into advances
+        # the largest so far, so that it does not depend on where advances end
+        if only_lose(case) and records.size:
             lost = np.append(self._lost, records.lost)
             records.lost = np.maximum.accumulate(lost)[1:]
             self._lost = float(records.lost[-1])
-        # Records of motion begin with what a run samples.
+        # The first fields of a record of motion are the columns of a sample.
         rows = (
             np.asarray(records)
             .view(float)
@@ -289,8 +289,8 @@ class Panels(Engine):
         )
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts now, those that attached in one step
-        spread over its panel.
+        """Return the current stretchings of the attached contacts; those that attached
+        in one step are spread over its panel.
         """
         state = self.state
         place, mass, reach, clock = spread_out(
@@ -301,19 +301,19 @@ class Panels(Engine):
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
     def copy(self) -> Self:
-        """Return an engine in the same state that goes its own way."""
-        # what the kernel takes, it leaves as it is, but for random numbers
+        """Return an independent engine in the same state."""
+        # Kernels change nothing in place but the generator of random numbers.
         other = copy.copy(self)
         if self.case.finite is not None:
             other.case = self.case._replace(finite=copy.deepcopy(self.case.finite))
         return other
 
     def turned(self, interface: Interface, slider: Slider) -> Self:
-        """Return an engine that goes on with other contacts and another slider; forces,
-        positions and masses stay.
+        """Return an engine that continues with other contacts and another slider, at
+        the same forces, positions and masses.
 
-        Detached contacts stay so for the same fraction of the new delay. Cohorts keep
-        what is attached of them.
+        Detached contacts stay so for the same fraction of the new delay. Each cohort
+        keeps its number of attached contacts.
         """
         turned = self.copy()
         case = self.case
@@ -344,7 +344,7 @@ class Panels(Engine):
             cohorts = state.cohorts[: state.used.cohorts]
             old = survivals(case.breaking, cohorts.clock, cohorts.reach)
             new = survivals(breaking, cohorts.clock, cohorts.reach)
-            held = new > 1e-12  # the others break at once
+            held = new > 1e-12  # the other contacts break at once
             mass = cohorts.mass * old / np.where(held, new, 1.0)
             mass = np.where(held, mass, 0.0)
             cohorts.mass = mass
@@ -352,7 +352,7 @@ class Panels(Engine):
             state.motion.mass_in -= lost
             state.motion.attached -= lost
             state.motion.mass_out += lost
-            # it re-attaches with what breaks in the next step
+            # they re-attach with the contacts that break in the next step
             past[:, 2 : 3 + P] -= lost
             turned.case = turned.case._replace(breaking=breaking, accuracy=accuracy)
         return turned
@@ -360,7 +360,7 @@ class Panels(Engine):
 
 @lru_cache(maxsize=256)
 def _tried(rig: Rig) -> float:
-    """Seconds of a run, tried for a while."""
+    """Estimate the seconds of a run by a trial."""
     method = rig.method
     assert isinstance(method, MasterEquation | Population)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
@@ -370,7 +370,7 @@ def _tried(rig: Rig) -> float:
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
-    """Ratio of two distributions of delays that differ in scale only."""
+    """Return the ratio of two distributions of delays that differ only in scale."""
     ratio = new.mean / old.mean if old.mean > 0 else math.nan
     scaled, found = (
         np.concatenate(
@@ -401,14 +401,14 @@ def _accuracy(
     rtol: float,
     count: int,
 ) -> kernel.Accuracy:
-    """Tolerance of a step, and the widest panel on which a sum over nodes is good to
-    it.
+    """Return the tolerance of a step, and the widest panel on which sums over nodes
+    meet it.
 
-    Of counted contacts, what re-attaches is as rough as the breaks were, and what
-    fluctuates does so a few breaks at a time.
+    With counted contacts, re-attachment is as rough as the breaks were, and the force
+    fluctuates by a few breaks at a time.
     """
     tolerance = _tolerance(rtol)
-    # where the order is lost, and again a delay later
+    # the order of the method is lost at a knot, and again a delay later
     if breaking.knots.size or not is_fixed(breaking):
         tolerance *= _AT_BENDS
     most = _WIDEST[0 if is_fixed(breaking) else 1] * distribution.moment(1)
@@ -432,8 +432,8 @@ def _width(
     tolerance: float,
     most: float,
 ) -> float:
-    """Widest panel, up to the most, on which a sum over nodes is good to a
-    tolerance: between knots where it is cut.
+    """Return the widest panel, at most `most`, on which sums over nodes meet a
+    tolerance; between knots where panels are cut there.
     """
     knots = end_and_knots(distribution)[1] if fixed else np.empty(0)
     return widest(survival_of(distribution, width), knots, tolerance, most, order=1)
@@ -441,7 +441,7 @@ def _width(
 
 @lru_cache(maxsize=64)
 def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.Delays:
-    """Times until a broken contact re-attaches, as the kernel takes them."""
+    """Return the distribution of delays in the form of the kernel."""
     memoryless = isinstance(method, MasterEquation) and method.memoryless
     at_once = (np.zeros(1), np.ones(1))
     (time, weight), continuous = (at_once, []) if memoryless else delay.parts()
@@ -485,8 +485,8 @@ def _newborn(
     newborn: Distribution | None,
     rtol: float,
 ) -> kernel.Newborn:
-    """Stretchings of contacts that attach: as few as give their force to the
-    tolerance, however far they are pulled.
+    """Return stretchings of contacts that attach, as few as give their force within the
+    tolerance for any displacement.
     """
     if newborn is None:
         return UNSTRETCHED
@@ -509,7 +509,7 @@ def _newborn(
         nodes, part = gauss_rule(x, weight, count)
         if np.abs(pulled(nodes, part) - exact).max() < tolerance:
             return Newborn(nodes, part, 1.0)
-    # thresholds much narrower than newborns
+    # Gauss rules do not suffice for thresholds much narrower than newborns.
     for finer in (0.25, 0.5, 1.0, 2.0):
         nodes, part = stretching_nodes(newborn, thresholds, finer)
         if nodes.size and np.abs(pulled(nodes, part) - exact).max() < tolerance:
@@ -522,10 +522,10 @@ def _lives_met(
     case: kernel.Case,
     velocity: float,
 ) -> tuple[Array, Array, tuple[Array, Array, Array], float]:
-    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the
-    way from each newborn one.
+    """Nodes and weights, of sum 1, of the stretchings in steady sliding.
 
-    Then the clocks, reaches and ages there, and the mean length of a life.
+    Contacts move from the stretching of a newborn to their break. Returns also the
+    clocks, reaches and ages at the nodes, and the mean length of a life.
     """
     breaking = case.breaking
     newborn = case.newborn
@@ -546,7 +546,8 @@ def _lives_met(
                 width,
             )
         else:
-            # what breaks at a rate, or as it grows, does so at once
+            # Thermal breaks, or breaks at a growing threshold, begin immediately: the
+            # panels shrink geometrically towards the start.
             early = begin + width * 0.25 ** np.arange(1, 24)
             x, weight = _on_panels({0.0, *early}, begin, end, width)
         clock, most, age = sliding_lives(breaking, begin, begun, x, velocity)
@@ -556,7 +557,7 @@ def _lives_met(
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
     path = float(weight.sum())
-    # mass and force of all that follow
+    # mass and force of each panel and all later ones
     beyond = np.cumsum((weight * (1.0 + x)).sum(axis=1)[::-1])[::-1]
     kept = beyond > NEGLIGIBLE * case.accuracy.tolerance * path
     return (
@@ -572,17 +573,17 @@ def _nodes(
     thresholds: Distribution,
     accuracy: kernel.Accuracy,
 ) -> tuple[Array, Array]:
-    """Initial stretchings at nodes of Gauss, and the weight of each, of sum 1; both of
-    shape (n, Q).
+    """Initial stretchings at Gauss nodes and their weights of sum 1, both of shape
+    (n, Q).
 
-    The panels lie between the jumps of both distributions.
+    Panels end at the jumps of both distributions.
     """
     std = initial.standard_deviation()
     if std == 0:
         return np.full((1, Q), initial.moment(1)), WEIGHT[None]
     low, high = initial.support
     end = end_and_knots(thresholds)[0]
-    # Weights of a bell as wide as that are good to the tolerance.
+    # On panels of this width the weights of a Gaussian meet the tolerance.
     width = min(
         std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width
     )
@@ -598,7 +599,7 @@ def _nodes(
 
 
 def _knots(thresholds: Distribution) -> set[float]:
-    """Stretchings of either sign at which the survival is not smooth."""
+    """Return the stretchings of either sign at which the survival is not smooth."""
     return {0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
 
 
@@ -608,8 +609,8 @@ def _on_panels(
     high: float,
     width: float,
 ) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss on panels no wider than `width`, between these
-    knots; both of shape (n, Q).
+    """Return Gauss nodes and weights on panels that end at the knots and are no wider
+    than `width`; both of shape (n, Q).
     """
     edges = [low, *(knot for knot in sorted(knots) if low < knot < high), high]
     parts = [

@@ -1,6 +1,4 @@
-"""Contacts at the beginning of a run: drawn one by one, or as nodes of
-a quadrature.
-"""
+"""Contacts at the start of a run: drawn one by one, or as nodes of a quadrature."""
 
 import math
 from functools import lru_cache
@@ -31,12 +29,12 @@ from stickslip.simulation.engines.base import Array, Beginning
 from stickslip.simulation.estimates import Course, way_of
 from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
-_BLURRED = 1e-10  # error of the survival at a temperature
+_BLURRED = 1e-10  # error of the survival with thermal activation
 
 
 def generators(seed: int, count: int = 3) -> list[np.random.Generator]:
-    """Return streams of random numbers: of initial stretchings, of thresholds, of
-    delays, and as many as are wanted.
+    """Return `count` streams of random numbers, the first three for initial
+    stretchings, thresholds and delays.
     """
     return [
         np.random.default_rng(part)
@@ -50,11 +48,11 @@ def first_contacts(
     rng: np.random.Generator,
     factor: float = 1.0,
 ) -> tuple[Array, Array, Array]:
-    """Draw stretchings and thresholds of all contacts (detached ones last), and when
-    the latter re-attach.
+    """Draw stretchings and thresholds of all contacts (detached ones last), and the
+    times at which the detached ones re-attach.
 
-    Thresholds are `factor` times those of the distribution; of contacts of different
-    areas, the root.
+    Thresholds are `factor` times those of the distribution; with areas, their square
+    root.
     """
     interface = beginning.interface
     if beginning.sliding and ("newborn" in interface.mechanisms or factor != 1.0):
@@ -76,7 +74,7 @@ def first_contacts(
 
 
 def track_factor(interface: Interface, rng: np.random.Generator) -> float:
-    """Draw the factor that thresholds have in common until the next arrest."""
+    """Draw the factor that all thresholds share until the next arrest."""
     if interface.slip_to_slip_scatter == 0.0:
         return 1.0
     variance = math.log1p(interface.slip_to_slip_scatter**2)
@@ -101,7 +99,7 @@ def newborns(
 
 
 def _largest(interface: Interface) -> float:
-    """Largest stretching that a contact can bear."""
+    """Largest stretching of an attached contact."""
     largest = interface.threshold_distribution.support[1]
     return largest if interface.areas is None else math.sqrt(largest)
 
@@ -112,7 +110,7 @@ def _thresholds_of(
     x: Array,
     factor: float,
 ) -> Array:
-    """Draw thresholds that hold contacts of these stretchings."""
+    """Draw thresholds above the size of these stretchings."""
     if interface.areas is None:
         return thresholds_beyond(interface.threshold_distribution, rng, x, factor)
     return np.sqrt(
@@ -128,11 +126,11 @@ def lives_met(
     threshold: Array,
     reached: Array,
 ) -> tuple[Array, Array, Array, Array]:
-    """Draw the contacts of steady sliding from lifetimes, as `first_contacts`, and how
-    far each has come since.
+    """Draw the contacts of steady sliding from lifetimes, like `first_contacts`, and
+    return also the distance that each has moved since it attached.
 
-    Lives go from stretchings at the `start` to those `reached`; long ones are met more
-    often.
+    A life goes from the stretching at the `start` to the one `reached`, and is chosen
+    with a probability proportional to its length.
     """
     path = reached - start
     mean = float(path.mean())
@@ -160,7 +158,7 @@ def with_detached(
     x: Array,
     threshold: Array,
 ) -> tuple[Array, Array, Array]:
-    """Add the contacts that are detached, and when they re-attach."""
+    """Append the detached contacts, and return the times at which they re-attach."""
     none = np.zeros(count - x.size)
     return (
         np.append(x, none),
@@ -170,8 +168,8 @@ def with_detached(
 
 
 def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) -> Array:
-    """Draw when contacts that are caught in the middle of a delay re-attach: long
-    delays are met more often.
+    """Draw the times of re-attachment of contacts in the middle of a delay, in which a
+    long delay is proportionally more likely.
     """
     if isinstance(delay, Delay):
         return delay.time * rng.random(detached)
@@ -188,8 +186,8 @@ def survival_of(
     width: float = 0.0,
     squared: bool = False,
 ) -> SurvivalTable:
-    """Return the survival of thresholds as kernels take it; with a width that of
-    newborns, at ``u = A ln G``.
+    """Return the survival of thresholds as a table for kernels; with a `width` that of
+    newborns under thermal activation, at ``u = A ln G``.
     """
     table: SurvivalTable = _survival_of(hashable(distribution), width, squared)
     return table
@@ -230,8 +228,8 @@ def _survival_of(
 
 
 def breaking_of(interface: Interface) -> Breaking:
-    """Return how contacts break as kernels take it, where a clock and a reach say
-    what is left of them.
+    """Return the constants of breaking for kernels in which a clock and a reach
+    determine the survival of contacts.
     """
     distribution = interface.threshold_distribution
     heat = interface.activation
@@ -255,8 +253,8 @@ def breaking_of(interface: Interface) -> Breaking:
 
 
 def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
-    """Stretching beyond which next to nothing survives, and the knots up to there; none
-    is the end itself.
+    """Stretching beyond which almost no contact survives, and the knots up to there;
+    the end itself is not a knot.
     """
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array(
@@ -266,23 +264,21 @@ def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
 
 
 _DRAW = (6e-5, 1e-7), (1.2e-4, 3e-7), (2.4e-3, 4.2e-6)
-"""Seconds that the contacts of a block take to be drawn, and each: at rest, and from
-lives or as roots in sliding.
+"""Seconds to draw the contacts of a block, and of each contact: at rest; in sliding,
+from lifetimes; and in sliding, as roots.
 """
 _DRAWN = 256
-"""Lifetimes drawn to say how many there are: known to a tenth, where a factor of two
-is what theory gives.
+"""Lifetimes drawn to estimate the number of breaks: to a tenth, where theory is good to
+a factor of two.
 """
-# Of a gamma distribution, which SciPy finds by iteration; and as many integrals in a
-# root.
+# Seconds of a quantile of a gamma distribution, which SciPy finds by iteration; and
+# the number of its integrals in a root.
 _QUANTILE, _OF_A_ROOT = 1e-6, 16.0
-_STILL = 1e-9  # way of a slider at rest, in mean thresholds
+_STILL = 1e-9  # displacement that stands for rest, in mean thresholds
 
 
 def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
-    """Seconds that it takes to draw the contacts of each block with which a run
-    begins.
-    """
+    """Seconds to draw the contacts of each block at the start of a run."""
     still = rig.start.at_rest if isinstance(rig.start, FromSliding) else blocks
     from_lives = rig.interface.mechanisms - {"sliding_force", "on_arrest"}
     sliding = _DRAW[1 if from_lives else 2]
@@ -296,12 +292,12 @@ def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
 
 
 def quantile(interface: Interface) -> float:
-    """Seconds that a quantile of the thresholds takes beyond what others take."""
+    """Additional seconds of a quantile of these thresholds beyond that of others."""
     return _QUANTILE if isinstance(interface.thresholds, Gamma) else 0.0
 
 
 def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
-    """Numbers of breaks and of boxes of a contact in a run, about: as in steady
+    """Approximate numbers of breaks, and of boxes, of a contact in a run, as in steady
     sliding at the drive's velocity.
     """
     lives, boxes = np.sum(
@@ -311,18 +307,18 @@ def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
 
 
 def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
-    """Numbers of breaks of each contact in a piece of the drive, or at rest, and of
-    its boxes in `kernels.thinning`.
+    """Numbers of breaks of a contact in a piece of the drive, or at rest, and of its
+    boxes in `kernels.thinning`.
 
-    Whatever the distribution of the time `C` from one attachment to the next, a renewal
-    process attaches contacts between once and twice ``T/<min(C, T)>`` times in the time
-    `T`, the beginning included (Erickson's inequality).
+    For any distribution of the time `C` from one attachment to the next, the number of
+    attachments in a time `T`, with the first, is between one and two times
+    ``T/<min(C, T)>`` (Erickson's inequality for renewal processes).
     """
     way = way_of(piece)
     duration = piece.duration
     delay = interface.delay
     rule = rule_of(interface)
-    arrests = isinstance(delay, OnArrest)  # one ends each slip
+    arrests = isinstance(delay, OnArrest)  # each slip ends in an arrest
     if rule is None or not (
         interface.activation
         or isinstance(interface.ageing, FixedGrowth)
@@ -344,8 +340,8 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
 
 
 def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, int]:
-    """Draw some lives in steady sliding, always the same: from which to which
-    stretching, and in how many boxes.
+    """Draw lives in steady sliding from a fixed seed: the stretchings at their start
+    and their end, and their total number of boxes.
     """
     rng = np.random.default_rng(0)
     rule = rule_of(interface)
@@ -356,8 +352,8 @@ def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, in
 
 
 def rule_of(interface: Interface) -> Rule | None:
-    """Return how contacts break, if not at thresholds of their own that stay as they
-    are.
+    """Return the rule by which contacts break, unless each has a constant threshold of
+    its own.
     """
     if (
         interface.activation is None
@@ -379,14 +375,14 @@ def lifetimes_of(
     velocity: float,
     rng: np.random.Generator,
 ) -> tuple[Array, int]:
-    """Draw the stretchings at which newborn contacts break in steady sliding; and in
-    how many boxes.
+    """Draw the stretchings at which newborn contacts break in steady sliding; return
+    also the total number of their boxes.
     """
     reached = np.empty(strength.size)
     done = 0
     boxes = 0
     drawn = max(16 * strength.size, 2**14)
-    # each turn has draws for 16 boxes of each
+    # each turn has draws for 16 boxes of each contact
     turns = bounded("lifetimes_of", strength.size + HALVINGS)
     while done < strength.size:
         next(turns)
