@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction
-from stickslip.advise.budget import Budget, BudgetExhausted, runs_of
+from stickslip.advise.budget import Budget, BudgetExhausted, cost_of_run
 from stickslip.advise.findings import Slip, WaveAnswer
 from stickslip.advise.mitigations import Mitigation, has, reach
 from stickslip.advise.survey import PRECISION, factor_on, scaled, stability_along
@@ -222,7 +222,7 @@ def _slips(rig: Rig, budget: Budget, report: Progress) -> dict[str, Any]:
         lasts = min(furthest / abs(natural.velocity), natural.drive.duration)
         rig = replace(rig, drive=constant(natural.velocity, lasts))
     try:
-        budget.spend(runs_of(rig))
+        budget.spend(cost_of_run(rig))
         seen = large_events(record(rig, progress=report).dataset())
     # or the bar has no steady sliding, or cannot be simulated
     except (BudgetExhausted, InputError):
