@@ -4,7 +4,7 @@ How long a slider must be to be unstable
 
 On a long slider smooth sliding is unstable to long waves first. A bar that is pulled at
 one end is stable while it is short, and unstable from some number of blocks on: the
-nucleation length. The same theory takes any body that answers waves with an impedance:
+nucleation length. The same theory applies to any body with an impedance for each wave:
 a half-space, or a layer that is held at its top. There the scale is the shear modulus
 times the area of a contact, over the critical stiffness of the contacts.
 
@@ -28,7 +28,7 @@ shear waves, and a damping of the bulk in 1/time, which keeps its resonances fin
 
 
 def bar(blocks: int, coupling: float) -> ss.Rig:
-    """A bar pulled at one end by a spring as stiff as one of its own."""
+    """Return a bar pulled at one end by a spring as stiff as one of its own."""
     body = ss.Chain(
         blocks=blocks, coupling=coupling, mass=1e-4, damping=42.426, side=coupling
     )
@@ -36,28 +36,28 @@ def bar(blocks: int, coupling: float) -> ss.Rig:
 
 
 def root(q, s):
-    """The decay of a wave into the bulk, ``sqrt(q^2 + s^2/c^2)``, on the branch that
-    carries energy away.
+    """Return the decay rate of a wave into the bulk, ``sqrt(q^2 + s^2/c^2)``, on the
+    branch that carries energy away.
     """
     turn = 1j * np.sqrt(s * (s + LOSSES) / SOUND**2 + 0j)
     return np.sqrt(q + turn) * np.sqrt(q - turn)
 
 
 def half_space(q: float) -> ss.Rig:
-    """What waves of wavenumber `q` meet on a half-space."""
+    """Return the impedance of a half-space for waves of wavenumber `q`."""
     return ss.Rig(CONTACTS, lambda s: SHEAR * root(q, s), DRIVE)
 
 
 def layer(q: float, thickness: float = 6.0) -> ss.Rig:
-    """The same on a layer whose top moves with the drive."""
+    """Return the same for a layer whose top moves with the drive."""
     return ss.Rig(
         CONTACTS, lambda s: SHEAR * root(q, s) / np.tanh(thickness * root(q, s)), DRIVE
     )
 
 
 def draw() -> Figure:
-    """Growth of the softest mode against the length of the bar; growth against
-    wavelength on other bodies.
+    """Draw the growth of the softest mode against the length of the bar, and growth
+    against wavelength on other bodies.
     """
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 2.8)

@@ -2,10 +2,10 @@
 Precursors of sliding
 =====================
 
-A bar is pulled slowly at one end. Long before all of it slides, slip sets in at that
-end and runs some way along: the force drops a little, the contacts re-attach, and the
-next precursor runs further. How far each comes grows with the force, by one over the
-sliding force of a block; the last one runs through, and that force is the static
+A bar is pulled slowly at one end. Long before all of it slides, slip starts at that end
+and runs some way along: the force drops a little, the contacts re-attach, and the next
+precursor runs further. The length of precursors grows with the force, by one over the
+sliding force of a block; the last one reaches the far end, and that force is the static
 friction of the bar, well below the strength of all its contacts.
 
 Run it with ``python examples/elastic/precursor_staircase.py precursors.png``.
@@ -32,18 +32,18 @@ RIG = ss.Rig(
     method=ss.QuasiStatic(50, seed=1),
     output=ss.Output(interval=225.0),
 )
-"""So slow that contacts re-attach before the drive has moved by a thirtieth of their
-stretching.
+"""A pull so slow that contacts re-attach before the drive has moved by a thirtieth of
+their stretching.
 """
 
 
 def run() -> xr.Dataset:
-    """The first pull, up to the first slip of all blocks."""
+    """Run the first pull, up to the first slip of all blocks."""
     return ss.simulate(RIG)
 
 
 def draw() -> Figure:
-    """Force against time, precursors against force, their slip, and where contacts
+    """Draw force against time, precursors against force, their slip, and where contacts
     are detached.
     """
     pulled = run()

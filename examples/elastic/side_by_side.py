@@ -2,10 +2,11 @@
 Smooth sliding invades stick-slip
 =================================
 
-There are speeds at which a rigid slider may slide smoothly or stick and slip, as it was
-started. On a long elastic slider that is driven from above both can stand side by side,
-and the boundary between them moves: smooth sliding takes over, at a steady speed of
-about half of ``sqrt(k_b)`` blocks per time. On a short slider stick-slip takes all.
+There are speeds at which a rigid slider may slide smoothly or stick and slip, depending
+on its start. On a long elastic slider that is driven from above both motions can occur
+side by side, and the boundary between them moves: smooth sliding takes over, at a
+steady speed of about half of ``sqrt(k_b)`` blocks per time unit. On a short slider
+stick-slip takes over.
 
 Run it with ``python examples/elastic/side_by_side.py invasion.png``.
 """
@@ -21,14 +22,14 @@ from stickslip import plot
 
 CONTACTS = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
 PERIOD = 1.6
-"""A little more than that of stick-slip."""
+"""A little longer than the period of stick-slip."""
 
 
 def run(
     blocks: int, at_rest: int, duration: float, seed: int = 1, coupling: float = 20.0
 ) -> xr.Dataset:
-    """A bar of which the first blocks start at rest, and so in stick-slip, the
-    others in smooth sliding.
+    """Run a bar whose first blocks start at rest, and so in stick-slip, the others in
+    smooth sliding.
     """
     bar = ss.Chain(
         blocks=blocks, coupling=coupling, mass=1e-4, damping=42.426, leaf=2.0
@@ -45,8 +46,8 @@ def run(
 
 
 def in_stick_slip(found: xr.Dataset) -> xr.DataArray:
-    """How many blocks stick and slip: those whose friction force goes up and down by
-    .4 and more within a period.
+    """Return how many blocks stick and slip: those whose friction force varies by .4 or
+    more within a period.
     """
     windows = (
         found["friction_force"]
@@ -58,16 +59,16 @@ def in_stick_slip(found: xr.Dataset) -> xr.DataArray:
 
 
 def speed(count: xr.DataArray, blocks: int) -> float:
-    """Blocks that smooth sliding gains in a time, while the boundary is away from
-    both ends.
+    """Return the blocks that smooth sliding gains per time, while the boundary is away
+    from both ends.
     """
     inside = count[(count > blocks // 4) & (count < 0.82 * blocks)]
     return -float(np.polyfit(inside["time"], inside, 1)[0])
 
 
 def draw() -> Figure:
-    """Friction force on a long bar in space and time; blocks in stick-slip on long
-    bars and short ones.
+    """Draw the friction force on a long bar in space and time, and the blocks in
+    stick-slip on long and short bars.
     """
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.0)

@@ -2,11 +2,11 @@
 A slow front, driven by slow slip
 =================================
 
-A front of slip starts where the bar is loaded well and runs fast, nearly with sound,
-into a part that is loaded less. There it stops. Behind it contacts re-attach one after
-the other, each free of the force that it carried while it slid: the bar behind creeps
-on, loads the tip, and a second front goes on from there, 27 times slower. Without a
-sliding force there is nothing to drop, and the front stops for good.
+A front of slip starts in a highly loaded part of the bar and runs fast, nearly at the
+speed of sound, into a part that is loaded less. There it stops. Behind it contacts
+re-attach one after the other, each without the force that it carried while it slid: the
+bar behind creeps on, loads the tip, and a second front starts there, 27 times slower.
+Without a sliding force there is no force to lose, and the front stops for good.
 
 Run it with ``python examples/elastic/slow_front.py front.png``.
 """
@@ -23,14 +23,14 @@ from stickslip import plot
 BLOCKS = 260
 SLIDING_FORCE = 0.425
 BAR = ss.Chain(blocks=BLOCKS, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
-"""The unit of time is that in which sound passes one block."""
+"""The unit of time is the time in which sound passes one block."""
 
 
 def rig(
     sliding_force: float = SLIDING_FORCE, beyond: float = 0.44, duration: float = 3000.0
 ) -> ss.Rig:
-    """A prestress of .7 for the first hundred blocks, of `beyond` for the others,
-    and a push on the first three.
+    """Return a bar with a prestress of .7 for the first hundred blocks, of `beyond` for
+    the others, and a push on the first three.
     """
     contacts = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.0),
@@ -55,7 +55,7 @@ def rig(
 
 
 def speeds(run: xr.Dataset) -> tuple[float, float]:
-    """Speed of the fast front, which the theory gives, and of the slow one."""
+    """Return the speeds of the fast front, from theory, and of the slow one."""
     time = run["first_break"].values
     arrest = int(ss.measure.fronts(run)["last_block"][0]) + 1
     fast, slow = (
@@ -66,8 +66,8 @@ def speeds(run: xr.Dataset) -> tuple[float, float]:
 
 
 def draw() -> Figure:
-    """Where contacts are attached, early and all the time; how fast blocks slip; how
-    fast the front runs.
+    """Draw where contacts are attached, early and over the whole run, how fast blocks
+    slip, and how fast the front runs.
     """
     run = ss.simulate(rig())
     with plot.house_style():

@@ -2,9 +2,9 @@
 Figure 2: elastic instability
 =============================
 
-A spring holds the slider. Where its stiffness is smaller than the slope at which the
-friction force decreases, no equilibrium is near and the slider jumps, as soon as the
-two slopes are equal.
+A spring holds the slider. Where the friction force decreases more steeply than the
+spring is stiff, there is no equilibrium nearby: the slider jumps as soon as the two
+slopes are equal.
 
 The same with all points and contacts, and with the paper's claims checked:
 ``stickslip paper fig2 --check``.

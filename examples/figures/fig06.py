@@ -3,7 +3,7 @@ Figure 6: the critical delay
 ============================
 
 From a narrow start, how long must broken contacts stay detached for stick-slip to
-persist? It follows the mass as A1 + A2 M^(1/3); and since only M v^2 counts, the
+persist? It depends on the mass as A1 + A2 M^(1/3); and since only M v^2 matters, the
 dependence on velocity is the same curve.
 
 The same with all points and contacts, and with the paper's claims checked:

@@ -3,8 +3,7 @@ Figure 8: stick-slip and the rate of ageing
 ===========================================
 
 Newborn contacts have no strength and grow stronger with age. If they age too slowly, or
-too quickly, the slider slides smoothly; how quickly is too quickly depends on how it
-was started.
+too quickly, the slider slides smoothly; the upper limit depends on how it was started.
 
 The same with all points and contacts, and with the paper's claims checked:
 ``stickslip paper fig8 --check``.

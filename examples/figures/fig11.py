@@ -2,7 +2,7 @@
 Figure 11: effective stiffness with ageing
 ==========================================
 
-How steeply the force on newborn contacts decreases as they are pulled, against the
+The steepest decrease of the force on newborn contacts as they are pulled, against the
 velocity: it equals the stiffness of the spring where stick-slip begins, not where it
 ends.
 

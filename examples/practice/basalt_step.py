@@ -5,7 +5,8 @@ A velocity step on basalt, as rate and state and as contacts
 Friction of basalt gouge in the laboratory, while the velocity of the load point rises
 from 3 to 10 µm/s (Giacomel and others, MIT licence). The slip law fits it with a, b and
 D. Contacts with temperature and ageing fit it as well, with as many numbers, if their
-thresholds are scattered broadly: narrow ones would ring, and the rock does not.
+thresholds are scattered broadly: with narrow ones the force would ring, and that of the
+rock does not.
 
 Run it with ``python examples/practice/basalt_step.py step.png``.
 """
@@ -31,7 +32,7 @@ NARROW = ss.Gaussian(mean=1.0, std=0.3)
 
 
 def step() -> Step:
-    """The step, 5 µm before to 120 µm after it, in 200 bins."""
+    """Return the step, from 5 µm before to 120 µm after it, in 200 bins."""
     trace = ss.read_trace(DATA)
     return velocity_step_in(
         trace, at=11676.28, before=3.0, after=10.0, span=(5.0, 120.0), bins=200
@@ -39,8 +40,8 @@ def step() -> Step:
 
 
 def fits(measured: Step) -> tuple[StepFit, ContactsFit, ContactsFit]:
-    """Rate and state, and contacts with broad and with narrow thresholds, all with a
-    linear trend beside them.
+    """Fit rate and state, and contacts with broad and with narrow thresholds, all with
+    a linear trend.
     """
     broad, narrow = (
         fit_contacts(measured, thresholds=one, trend=True, linear=True)

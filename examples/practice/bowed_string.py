@@ -3,9 +3,9 @@ The lightest bow that makes a string sing
 =========================================
 
 What holds the slider need not be a spring: here the bow rubs on a string, whose modes
-enter through their impedance at the bow. Below some force of friction the string's own
-losses win, and nothing is heard but noise. That smallest force rises with the speed of
-the bow, as players know; the theory of linear stability gives it, and which harmonic
+enter through their impedance at the bow. Below some friction force the string's own
+losses prevail, and only noise is heard. That smallest force rises with the speed of the
+bow, as players know; the theory of linear stability gives it, and the harmonic that
 starts first. What the string does once it sings (Helmholtz's motion) is beyond linear
 theory.
 
@@ -25,11 +25,11 @@ from stickslip.model.units import Scales
 from stickslip.stability import Modes
 
 LENGTH, PITCH, DENSITY, QUALITY = 0.33, 440.0, 6e-4, 100.0
-"""Of an A string, in m, Hz, kg/m; and the quality of its modes with a finger and a
-bow on it (assumed).
+"""Length, frequency and mass per length of an A string (m, Hz, kg/m), and the quality
+factor of its modes with a finger and a bow on it (assumed).
 """
 BOW = 0.11
-"""Where the bow is, as a fraction of the length."""
+"""Position of the bow, as a fraction of the length."""
 MODES = np.arange(1, 13)
 ROSIN = ss.Interface(
     thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.RandomDelay(mean=0.1, std=0.03)
@@ -38,11 +38,11 @@ ROSIN = ss.Interface(
 (assumed).
 """
 SPEEDS = np.geomspace(0.02, 1.0, 12)
-"""Of the bow, in m/s."""
+"""Speeds of the bow, in m/s."""
 
 
 def string(friction: float) -> Modes:
-    """The string's modes at the bow, per contact, where all contacts together bear
+    """Return the string's modes at the bow, per contact, if all contacts together carry
     `friction` (N).
     """
     scales = Scales(force=friction, stretching=10e-6, time=1e-3)
@@ -62,12 +62,12 @@ FRICTION = Parameter(
     get=lambda setting: string(1.0).masses[0] / setting.slider.masses[0],
     set=lambda setting, value: replace(setting, slider=string(value)),
 )
-"""The force of friction as a parameter of our own, for `stickslip.critical`."""
+"""The friction force as a parameter of our own, for `stickslip.critical`."""
 
 
 def lightest(speed: float) -> tuple[float, float]:
-    """Smallest force of friction (N) at which the string sings, and the frequency
-    (Hz) that starts first.
+    """Return the smallest friction force (N) at which the string sings, and the
+    frequency (Hz) that starts first.
     """
     velocity = Scales(force=1.0, stretching=10e-6, time=1e-3).natural(speed, "velocity")
     edge = ss.critical(
@@ -77,8 +77,8 @@ def lightest(speed: float) -> tuple[float, float]:
 
 
 def draw() -> Figure:
-    """Smallest friction against the speed of the bow, with the harmonic that starts
-    first.
+    """Draw the smallest friction against the speed of the bow, with the harmonic that
+    starts first.
     """
     force, frequency = np.array([lightest(speed) for speed in SPEEDS]).T
     with plot.house_style():

@@ -22,8 +22,8 @@ RIG = "brake_pad"
 
 
 def groaning(rig: str | Path = RIG, *, damping: float = 1.0) -> tuple[float, float]:
-    """Speeds in m/s between which smooth braking is unstable, with the damping of
-    the rig times a factor.
+    """Return the speeds in m/s between which smooth braking is unstable, with the
+    damping of the rig times a factor.
     """
     brake = ss.read_rig(rig)
     damped = brake.with_values(damping=damping * brake.value("damping"))
@@ -34,7 +34,7 @@ def groaning(rig: str | Path = RIG, *, damping: float = 1.0) -> tuple[float, flo
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """Stability of smooth braking over speed and damping."""
+    """Draw the stability of smooth braking over speed and damping."""
     return plot.chart(
         advise.chart(ss.read_rig(rig), ("velocity", "damping"), around=30.0, points=80)
     )

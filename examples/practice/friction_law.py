@@ -2,11 +2,12 @@
 Friction laws with a minimum and a maximum
 ==========================================
 
-Kinetic friction over the speed, exact, of contacts that break by thermal activation.
-Temperature alone strengthens: fast contacts have less time to break. Thresholds that
-grow with age make slow sliding strong: friction falls with the speed up to a minimum. A
-delay before contacts re-attach makes fast sliding weak: friction falls beyond a
-maximum. Where it falls a soft spring may stick-slip.
+The exact kinetic friction over the speed, for contacts that break by thermal
+activation. With temperature alone friction rises with speed: fast contacts have less
+time to break. Thresholds that grow with age raise the friction of slow sliding: it
+falls with the speed down to a minimum. A delay before contacts re-attach lowers the
+friction of fast sliding: it falls beyond a maximum. Where it falls, a slider on a soft
+spring may stick-slip.
 
 Run it with ``python examples/practice/friction_law.py law.png``.
 """
@@ -36,7 +37,7 @@ BETWEEN = (1e-2, 300.0)
 
 
 def turns() -> dict[str, ss.stability.TurningVelocity | None]:
-    """Where each of the laws turns, if it does."""
+    """Return the extrema of each of the laws, if it has any."""
     found = {
         name: ss.stability.turning_velocities(interface, between=BETWEEN)
         for name, interface in CONTACTS.items()
@@ -45,7 +46,7 @@ def turns() -> dict[str, ss.stability.TurningVelocity | None]:
 
 
 def draw() -> Figure:
-    """The three laws, with the speeds at which they turn."""
+    """Draw the three laws, with the speeds of their extrema."""
     speed = np.geomspace(*BETWEEN, 121)
     with plot.house_style():
         figure = plot.new_figure(plot.COLUMN, 2.8)

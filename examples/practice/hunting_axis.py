@@ -2,10 +2,11 @@
 Up to which gain does a positioning axis hunt?
 ==============================================
 
-A position controller with an integral pulls an axis off its place wherever an error is
-left, and contacts that have rested hold it: it slips too far, and comes back the same
-way. Whether it does depends on the move, up to a fold of the gain; how far follows from
-one slip. The gains are raised together, so that damping and time of the integral stay.
+A position controller with an integral term pulls an axis on as long as an error is
+left, while contacts that have rested hold it: it slips too far, and returns in the same
+way. Whether it hunts depends on the move, up to a fold of the gain; the width follows
+from one slip. The gains are raised together, so that damping and integral time stay the
+same.
 
 Run it with ``python examples/practice/hunting_axis.py hunting.png``.
 """
@@ -23,11 +24,13 @@ from stickslip.structures.hunting import Hunt, with_gain
 
 RIG = "axis"
 FACTORS = np.geomspace(0.5, 4.0, 7)
-"""By which the gain is multiplied."""
+"""Factors of the gain."""
 
 
 def widths(axis: ss.Rig) -> list[tuple[float, float, float]]:
-    """Gain in N/m, peak to peak after each move, and what one slip tells, in m."""
+    """Return the gain in N/m, peak to peak after each move, and the width predicted
+    from one slip, in m.
+    """
     found = []
     for factor in FACTORS:
         gain = axis.slider.kp * float(factor)
@@ -40,7 +43,7 @@ def widths(axis: ss.Rig) -> list[tuple[float, float, float]]:
 
 
 def after(axis: ss.Rig, move: float, hold: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time in s after the beginning of a move in m, and the error in m."""
+    """Return the time in s after the start of a move in m, and the error in m."""
     speed = axis.velocity
     drive = ss.constant(speed, move / speed).then(ss.constant(0.0, hold))
     run = ss.simulate(axis.replace(drive=axis.to_natural(drive)))
@@ -48,7 +51,9 @@ def after(axis: ss.Rig, move: float, hold: float) -> tuple[np.ndarray, np.ndarra
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """Width of hunting against the gain, with its fold; the error after two moves."""
+    """Draw the width of hunting against the gain, with its fold, and the error after
+    two moves.
+    """
     axis = ss.read_rig(rig)
     length = axis.unit("length")
     fold = Hunt(axis).fold() * axis.unit("k")
@@ -63,7 +68,7 @@ def draw(rig: str | Path = RIG) -> Figure:
             color=plot.ORANGE,
             label="by one slip",
         )
-        # of the gain of an axis that hunts, raised: at rest it may hunt up to there
+        # limit of the gain for the axis at rest: up to there it may hunt
         left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY, label="fold")
         left.legend()
         left.set(xlabel="gain $K_p$ (N/µm)", ylabel="peak to peak at rest (µm)")

@@ -4,11 +4,11 @@ A trace, and the interface behind it
 
 A block is pulled slowly through a spring; only the force was recorded. How strong are
 its contacts, how far do they stretch before they break, and what does the trace not
-tell? Here the truth is known: `synthetic_trace` records what a bench would, and
-`stickslip.fit` does not see the rest.
+tell? Here the true values are known: `synthetic_trace` records what a bench would
+record, and `stickslip.fit` sees nothing else.
 
-Run it with ``python examples/practice/measured_trace.py fit.png``. Over the usual,
-wider prior, with 20,000 simulations that are kept for the next trace, it is
+Run it with ``python examples/practice/measured_trace.py fit.png``. For the usual, wider
+prior, with 20,000 simulations that are kept for the next trace, call
 ``stickslip.fit(trace, known={"stiffness": "100 N/m"})``.
 """
 
@@ -33,7 +33,7 @@ PRIOR = fitting.Prior(
 
 
 def fitted(draws: int = 2000) -> fitting.Fit:
-    """The numbers that the trace gives, its spring being known."""
+    """Return the parameters fitted to the trace, its spring being known."""
     trace = fitting.synthetic_trace(
         **TRUTH, slip_to_slip_scatter=0.1, slips=150, bench=BENCH, seed=1
     )

@@ -3,9 +3,9 @@ How stiff must the servo of a precision stage be?
 =================================================
 
 A position servo holds a stage to its course as a spring would: its gain is the
-stiffness of the driving spring. Too soft, and the stage jerks; the slower it moves, the
-more. The softest servo that keeps smooth motion stable follows at each speed from
-linear theory, and runs on both sides of it show the difference.
+stiffness of the driving spring. If it is too soft the stage jerks, more so the slower
+it moves. Linear theory gives the softest servo that keeps smooth motion stable at each
+speed, and runs on both sides of it show the difference.
 
 Run it with ``python examples/practice/precision_stage.py stage.png``.
 """
@@ -21,12 +21,12 @@ from stickslip import plot
 
 RIG = "precision_stage"
 SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
-"""In m/s."""
+"""Speeds in m/s."""
 
 
 def softest_servo(stage: ss.Rig) -> np.ndarray:
-    """Stiffness in N/m below which smooth motion is unstable, at each of the speeds;
-    NaN where any servo will do.
+    """Return the stiffness in N/m below which smooth motion is unstable, at each of the
+    speeds; NaN where any servo is stiff enough.
     """
     found = []
     for speed in SPEEDS:
@@ -40,14 +40,14 @@ def softest_servo(stage: ss.Rig) -> np.ndarray:
 
 
 def error_of_tracking(stage: ss.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time in s, and how far the stage strays from its course, in m."""
+    """Return the time in s, and the deviation of the stage from its course, in m."""
     run = ss.simulate(stage.with_values(stiffness=stiffness))
     lag = (run["spring_force"] / stiffness).to_numpy()
     return run["time"].to_numpy(), lag - lag[lag.size // 2 :].mean()
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """The softest servo against speed, and the error of tracking with one softer and
+    """Draw the softest servo against speed, and the tracking error with one softer and
     one stiffer.
     """
     stage = ss.read_rig(rig)

@@ -3,25 +3,25 @@ A measured regime diagram
 =========================
 
 Paper slides on paper, pulled by springs of three stiffnesses at three velocities (Colas
-et al., *Phys. Rev. E*, 2019). With the stiffness of the spring and the velocity of the
-drive, the force tells how the slider moves:
+et al., *Phys. Rev. E*, 2019). From the stiffness of the spring, the velocity of the
+drive and the force, the motion of the slider follows:
 ``stickslip measure --stiffness --velocity``. What do five of these traces say about the
 interface?
 
 Beside each stands a model of 280 contacts **without any weakening**: no delay, no
-ageing, no temperature. Its smooth sliding is stable everywhere, and nothing moves its
-slider but the noise of few contacts. Recorded as the bench records, as often and as
-noisy, it moves in the same way as the paper in all five cases, and so does a model with
-a delay of 50 µs. Such traces tell how many contacts there are and how strong they are;
-they do not tell a mechanism.
+ageing, no temperature. Its smooth sliding is stable everywhere, and only the noise of
+few contacts disturbs it. Recorded like the measurement, with the same sampling and
+noise, it has the same motion as the paper in all five cases, and so does a model with a
+delay of 50 µs. Such traces show how many contacts there are and how strong they are;
+they do not reveal a mechanism.
 
-What both models fail at tells more. At 42 µm/s the force drops by 11, 24 and 8 mN on
+The failures of both models tell more. At 42 µm/s the force drops by 11, 24 and 8 mN on
 springs of 168, 1002 and 2254 N/m; without weakening by 16, 15 and 14 mN, with the delay
 by 21, 16 and 14 mN.
 
-Five motions, drops and periods stand against five parameters that were set by these
-traces and four more (number of contacts, standard deviation of the thresholds, breaking
-displacement, strength, damping), and one more for the delay.
+Five motions, drops and periods are compared with five parameters that were fitted to
+these traces and four more (number of contacts, standard deviation of the thresholds,
+breaking displacement, strength, damping), and one more for the delay.
 
 Run it with ``python examples/practice/regime_diagram.py diagram.png beside.png``.
 """
@@ -41,8 +41,8 @@ from stickslip import measure, plot
 DATA = Path(ss.__file__).parents[2] / "tests" / "data" / "paper_on_paper"
 BENCHES = [(168, 42), (168, 1100), (1002, 42), (1002, 4300), (2254, 42)]  # N/m, um/s
 MODELS = {"no weakening": {}, "a delay of 50 µs": {"delay": "50 us"}}
-DISTANCE = 4000  # um, that the drive of the model goes
-SHOWN = 0.7e-3  # m, that it goes in a picture of a trace
+DISTANCE = 4000  # um, distance of the drive in the model
+SHOWN = 0.7e-3  # m, distance shown of a trace
 COLOURS = {
     "sticks and slips": plot.VERMILLION,
     "stops and goes": plot.PALETTE[3],
@@ -51,14 +51,14 @@ COLOURS = {
     "moves evenly": plot.GREEN,
 }
 Row = tuple[tuple[int, int], dict[str, tuple[xr.Dataset, measure.Kinematics]]]
-"""Stiffness and velocity of a bench; by name, the measured trace and those of the
-models, and their motion.
+"""Stiffness and velocity of a bench; the measured trace and those of the models, and
+their motion, by name.
 """
 
 
 def rig(stiffness: float, velocity: float, **mechanisms: str) -> ss.Rig:
-    """The model: 280 contacts with broad thresholds, half as strong in all as the
-    slider is heavy.
+    """Return the model: 280 contacts with broad thresholds, with a total strength of
+    half the slider's weight.
     """
     return ss.read_rig(
         {
@@ -80,18 +80,18 @@ def rig(stiffness: float, velocity: float, **mechanisms: str) -> ss.Rig:
 
 
 def measured(stiffness: float, velocity: float) -> xr.Dataset:
-    """A measured trace."""
+    """Return a measured trace."""
     return ss.read_trace(DATA / f"k{stiffness}_v{velocity}.csv.gz")
 
 
 def simulated(
     stiffness: float, velocity: float, step: float, noise: float, **mechanisms: str
 ) -> xr.Dataset:
-    """The model as the bench would have recorded it: the force alone, as often, and
-    as noisy.
+    """Return the model as the bench would have recorded it: the force alone, with the
+    same sampling and noise.
     """
     run = ss.simulate(rig(stiffness, velocity, **mechanisms))
-    # the first loading left out
+    # without the first loading
     force = run["spring_force"].sel(time=slice(0.1 * float(run["time"][-1]), None))
     times = np.arange(float(force["time"][0]), float(force["time"][-1]), step)
     values = np.interp(times, force["time"], force) + np.random.default_rng(1).normal(
@@ -104,7 +104,7 @@ def simulated(
 
 
 def seen(trace: xr.Dataset, stiffness: float, velocity: float) -> measure.Kinematics:
-    """How the slider moves, read off its force in the one way for all."""
+    """Return the motion of the slider, read from its force in the same way for all."""
     known = measure.motion(
         trace, stiffness=f"{stiffness} N/m", velocity=f"{velocity} um/s"
     )
@@ -112,13 +112,13 @@ def seen(trace: xr.Dataset, stiffness: float, velocity: float) -> measure.Kinema
 
 
 def word(motion: measure.Kinematics) -> str:
-    """The motion in a word or two."""
+    """Return the motion in a word or two."""
     return motion.motion.partition(":")[0].partition(",")[0]
 
 
 def diagram(points: int = 11) -> xr.DataArray:
-    """How the model without weakening moves, over stiffness and velocity: places in
-    `COLOURS`.
+    """Return the motion of the model without weakening, over stiffness and velocity, as
+    indices into `COLOURS`.
     """
     stiffness = np.geomspace(60, 6000, points)
     velocity = np.geomspace(15, 15_000, points)
@@ -136,7 +136,9 @@ def diagram(points: int = 11) -> xr.DataArray:
 
 
 def compared() -> list[Row]:
-    """Each measured trace beside the models, and how the slider moves in them."""
+    """Return each measured trace with those of the models, and the motion of the slider
+    in them.
+    """
     rows = []
     for bench in BENCHES:
         trace = measured(*bench)
@@ -152,7 +154,7 @@ def compared() -> list[Row]:
 
 
 def draw_diagram(ax: Axes, cells: xr.DataArray, rows: list[Row]) -> None:
-    """The motion of the model as coloured cells, and the measured traces as points
+    """Draw the motion of the model as coloured cells, and the measured traces as points
     on them.
     """
     colours = ListedColormap(list(COLOURS.values()))
@@ -200,7 +202,7 @@ def draw_diagram(ax: Axes, cells: xr.DataArray, rows: list[Row]) -> None:
 def draw_trace(
     ax: Axes, trace: xr.Dataset, motion: measure.Kinematics, velocity: float
 ) -> None:
-    """A stretch of a trace, in the colour of its motion, with the drop of its slips
+    """Draw a part of a trace in the colour of its motion, with the drop of its slips
     and the time between them.
     """
     begin = 0.5 * float(trace["time"][0] + trace["time"][-1])
@@ -220,7 +222,7 @@ def draw_trace(
 
 
 def draw_beside(rows: list[Row]) -> Figure:
-    """The measured traces above those of the model without weakening."""
+    """Draw the measured traces above those of the model without weakening."""
     names = ["measured", "no weakening"]
     figure = plot.new_figure(9.0, 3.0)
     axes = figure.subplots(len(names), len(rows), sharex=True, sharey=True)
@@ -244,7 +246,7 @@ def draw_beside(rows: list[Row]) -> Figure:
 
 
 def draw(rows: list[Row]) -> Figure:
-    """Print what is seen, and draw the diagram of the model above the traces."""
+    """Print the motions, and draw the diagram of the model above the traces."""
     figure = plot.new_figure(plot.PAGE, 7.6)
     grid = figure.add_gridspec(
         1 + len(rows), 1 + len(MODELS), height_ratios=(2.6, *[1] * len(rows))

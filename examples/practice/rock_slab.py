@@ -2,9 +2,9 @@
 Laboratory earthquakes: how often, how large
 ============================================
 
-Two slabs of rock are sheared past each other by a press. Faster loading makes more
-frequent events; does it make smaller ones? The catalogue of slips of a simulated run,
-the same that `stickslip measure` lists for a measured one, tells recurrence and drop.
+Two slabs of rock are sheared past each other by a press. Faster loading makes events
+more frequent; does it make them smaller? The catalogue of slips of a simulated run, the
+same that `stickslip measure` lists for a measured one, gives recurrence time and drop.
 
 Run it with ``python examples/practice/rock_slab.py rock.png``.
 """
@@ -19,25 +19,25 @@ from stickslip import plot
 
 RIG = "rock_slab"
 FACTORS = (0.1, 0.3, 1.0)
-"""Speeds of loading, as multiples of the rig's."""
+"""Loading speeds, as multiples of the rig's."""
 
 
 def load(slab: ss.Rig, factor: float):
-    """A run at another speed over the same distance, in SI units."""
+    """Return a run at another speed over the same distance, in SI units."""
     output = ss.Output(interval=2e-3)  # in s: a slip lasts some milliseconds
     return ss.simulate(slab.with_values(velocity=factor * slab.velocity), output=output)
 
 
 def recurrence_and_drop(run) -> tuple[float, float]:
-    """Median time from one event to the next, in s, and median drop of the force, in
-    N, without the first events.
+    """Return the median time from one event to the next, in s, and the median drop of
+    the force, in N, without the first events.
     """
     events = ss.drops(run).isel(event=slice(2, None))
     return float(events["start"].diff("event").median()), float(events["drop"].median())
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """Force against displacement of the press, at three speeds of loading."""
+    """Draw the force against displacement of the press, at three loading speeds."""
     slab = ss.read_rig(rig)
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 4.2)

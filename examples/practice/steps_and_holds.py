@@ -2,9 +2,9 @@
 Velocity steps and holds
 ========================
 
-What rate and state was made to describe, reproduced by contacts that break by thermal
-activation: after a jump of the velocity the friction force rises at once, then falls
-over some slip; after a hold it peaks, the higher, the longer the hold. Contacts whose
+Contacts that break by thermal activation reproduce what rate and state was made to
+describe: after a jump of the velocity the friction force rises at once, then falls over
+some slip; after a hold it peaks, the higher, the longer the hold. Contacts whose
 thresholds grow with the logarithm of their age weaken with velocity in the end and heal
 by the slope of that growth for each e-fold of time; contacts that do not age
 strengthen, and hardly heal.
@@ -35,7 +35,7 @@ HOLDS = np.geomspace(1.0, 1e4, 9)
 
 
 def draw() -> Figure:
-    """A step of the velocity from 1 to 10, and peaks after holds."""
+    """Draw a step of the velocity from 1 to 10, and peaks after holds."""
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.0)
         step, heal = figure.subplots(1, 2)

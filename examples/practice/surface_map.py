@@ -4,14 +4,14 @@ What a surface tells
 
 A map of heights is a prior for the interface of a rig, not a prediction. Pressed on a
 flat surface, it gives the standard deviation of the thresholds, a few times what rigs
-usually assume, and two lengths: contacts that slip when friction holds no more break
-after some 0.1 µm, contacts that last while they overlap after some 10 µm. Which of the
-two counts it does not say, and the verdict turns on that. One slow pull with a velocity
-step decides.
+usually assume, and two lengths: contacts that slip when friction no longer holds them
+break after some 0.1 µm, contacts that last while they overlap break after some 10 µm.
+It does not say which of the two is right, and the verdict depends on that. One slow
+pull with a velocity step decides.
 
 The stage of *Predict a rig and choose a mitigation* stick-slips with the values assumed
-there. On the interface of this map it slides smoothly with the one length, and
-oscillates with the other.
+there. On the interface of this map it slides smoothly with one length, and oscillates
+with the other.
 
 Run it with ``python examples/practice/surface_map.py surface.png``.
 """
@@ -38,8 +38,8 @@ STAGE = {
 
 
 def draw() -> Figure:
-    """The map with its contacts, what they tell, and how many rigs within that
-    oscillate.
+    """Draw the map with its contacts, the values it gives, and how many rigs within
+    their ranges oscillate.
     """
     rough = ss.surface.self_affine(
         rq="1 um", hurst=0.8, roll_off="60 um", cut_off="5 um", nodes=512

@@ -21,14 +21,16 @@ from stickslip import plot
 
 RIG = "teaching_bench"
 SPRINGS = (100.0, 500.0, 10_000.0)
-"""In N/m."""
+"""Stiffnesses of the springs in N/m."""
 DURATION = 120.0
-"""In s: the softest spring takes two for a cycle, and a verdict a few dozen cycles."""
+"""Duration in s: a cycle of the softest spring takes two, and a verdict a few dozen
+cycles.
+"""
 
 
 def pull(bench: ss.Rig, stiffness: float):
-    """The run with another spring, in SI units; the damping stays the same fraction
-    of the block's own oscillation.
+    """Return the run with another spring, in SI units; the damping ratio stays the
+    same.
     """
     damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
     long = ss.constant(bench.velocity, duration=DURATION)
@@ -37,7 +39,7 @@ def pull(bench: ss.Rig, stiffness: float):
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """The force in each spring, and what regime it is."""
+    """Draw the force in each spring, with its regime."""
     bench = ss.read_rig(rig)
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 4.2)

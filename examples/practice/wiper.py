@@ -5,7 +5,7 @@ A wiper chatters where it turns round
 A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of
 the stroke, or at its ends? The theory of linear stability gives the speeds between
 which smooth wiping cannot last; a simulated stroke shows what that looks like. Chatter
-takes its time to grow and to die, so it lags behind the speed.
+takes time to grow and to decay, so it lags behind the speed.
 
 Run it with ``python examples/practice/wiper.py wiper.png``.
 """
@@ -23,7 +23,7 @@ RIG = "wiper"
 
 
 def chattering(wiper: ss.Rig) -> tuple[float, float]:
-    """Speeds in m/s between which smooth wiping is unstable."""
+    """Return the speeds in m/s between which smooth wiping is unstable."""
     edges = ss.critical(
         wiper.replace(velocity="1 m/s"), "velocity", between=(1e-3, 1e2)
     ).edges
@@ -31,7 +31,7 @@ def chattering(wiper: ss.Rig) -> tuple[float, float]:
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """One stroke of the wiper, with the speeds at which it should chatter."""
+    """Draw one stroke of the wiper, with the speeds at which it should chatter."""
     wiper = ss.read_rig(rig)
     low, high = chattering(wiper)
     run = ss.simulate(wiper)

@@ -307,6 +307,12 @@ class LinePoint(NamedTuple):
         return self.neutral.unstable()
 
 
+Branch = tuple[float, float, float, float]
+"""A branch of neutral frequencies between two points: frequency and extra spring at the
+first, then at the second.
+"""
+
+
 def search(
     parameter: Parameter,
     rig: Rig,
@@ -438,8 +444,21 @@ class Line(NamedTuple):
         """
         below = left.unstable
         above = right.unstable
-
-        def crossing(value: float, frequency: float) -> list[Crossing]:
+        changing = [
+            (w, e, u, f) for w, e, u, f in _matched(left, right) if (e > 0) != (f > 0)
+        ]
+        if below == above and not changing:
+            return []
+        width = math.log(right.value / left.value)
+        place = None
+        if abs(below - above) == 2 and len(changing) <= 1:
+            place = self.located(left, right, changing, width)
+        if place is None and width <= 1e-12:
+            if below == above:
+                return []
+            place = left.value, _nearest(left.neutral)[0]
+        if place is not None:
+            value, frequency = place
             return [
                 Crossing(
                     value=value,
@@ -448,29 +467,7 @@ class Line(NamedTuple):
                     unstable_above=above,
                 )
             ]
-
-        changing = [
-            (w, e, u, f) for w, e, u, f in _matched(left, right) if (e > 0) != (f > 0)
-        ]
-        if below == above and not changing:
-            return []
-        width = math.log(right.value / left.value)
         cuts = _EIGHTHS[1::2]
-        if abs(below - above) == 2 and len(changing) <= 1:
-            starts = [(e / (e - f), w, u) for w, e, u, f in changing]
-            if width < 1e-3:
-                near = _nearest(left.neutral)[:4] + _nearest(right.neutral)[:4]
-                starts += [(0.5, w, w) for w in near]
-            more = 1 + self.slack
-            for t, w, u in starts:
-                log_omega = (1 - t) * math.log(w) + t * math.log(u)
-                at = self.polish(math.log(left.value) + t * width, log_omega, 2 * width)
-                if at and left.value / more <= at[0] <= right.value * more:
-                    return crossing(*at)
-        if width <= 1e-12:
-            if below == above:
-                return []
-            return crossing(left.value, _nearest(left.neutral)[0])
         # Without a frequency to polish, close in on the expected change of sign.
         if len(changing) == 1 and math.isinf(changing[0][0]):
             _, e, _, f = changing[0]
@@ -484,6 +481,29 @@ class Line(NamedTuple):
             for pair in pairwise(self.finer(left, right, cuts))
             for found in self.between(*pair)
         ]
+
+    def located(
+        self,
+        left: LinePoint,
+        right: LinePoint,
+        changing: list[Branch],
+        width: float,
+    ) -> tuple[float, float] | None:
+        """Return value and frequency of the crossing between two points by Newton's
+        method, from the branch that changes sign or, if the points are close, from the
+        nearest branches; None if there is none.
+        """
+        starts = [(e / (e - f), w, u) for w, e, u, f in changing]
+        if width < 1e-3:
+            near = _nearest(left.neutral)[:4] + _nearest(right.neutral)[:4]
+            starts += [(0.5, w, w) for w in near]
+        more = 1 + self.slack
+        for t, w, u in starts:
+            log_omega = (1 - t) * math.log(w) + t * math.log(u)
+            at = self.polish(math.log(left.value) + t * width, log_omega, 2 * width)
+            if at and left.value / more <= at[0] <= right.value * more:
+                return at
+        return None
 
     def _total(self, log_value: float, log_omega: Array) -> ComplexArray:
         """Return ``Z + kappa`` on the imaginary axis at a value."""
@@ -537,10 +557,8 @@ def _nearest(neutral: Neutral) -> list[float]:
     return [*neutral.omega[np.argsort(np.abs(neutral.extra))].tolist(), math.inf]
 
 
-def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, float]]:
-    """Branches present at both points, each the other's nearest: frequency and extra
-    spring at the first point, then at the second.
-    """
+def _matched(one: LinePoint, two: LinePoint) -> list[Branch]:
+    """Return the branches present at both points, each the other's nearest."""
     here, there = (n.at(np.isfinite(n.extra)) for n in (one.neutral, two.neutral))
     if here.omega.size == 0 or there.omega.size == 0:
         return []

@@ -93,7 +93,7 @@ def boundary(
     )
     grids = [np.geomspace(low, high, lines) for low, high in window]
     grid = _MapGrid(parameters, rig.natural, grids)
-    curves = grid.contour(progress or _unheard)
+    curves = grid.contour(progress or (lambda _: None))
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     columns = {
@@ -168,7 +168,7 @@ def stability_map(
         for parameter, value in given
     ]
     grid = _MapGrid(parameters, rig.natural, grids)
-    report = progress or _unheard
+    report = progress or (lambda _: None)
     points = grid.neutral(part(report, 0.0, 0.5 if growth else 1.0))
     counts = np.array(
         [[neutral.unstable() for neutral in row] for row in points],
@@ -192,10 +192,6 @@ def stability_map(
     return rig.in_its_units(
         grid.dataset("stability_map", columns, values=plain, growth=growth)
     )
-
-
-def _unheard(_done: float) -> None:
-    """Ignore the progress."""
 
 
 def _two_parameters(
@@ -303,26 +299,27 @@ class _MapGrid(NamedTuple):
         import contourpy
 
         points = self.neutral(part(report, 0.0, 0.5))
-        unstable = np.array(
-            [[neutral.unstable() > 0 for neutral in row] for row in points]
-        )
-        lines = contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0)
-        # Each point of the contour is halfway between a stable and an unstable point of
-        # the grid.
-        sides_of_lines = [
-            [(i, j) for j, i in np.asarray(line).tolist()] for line in lines
+        signs = [
+            [1.0 if neutral.unstable() > 0 else -1.0 for neutral in row]
+            for row in points
         ]
-        total = sum(map(len, sides_of_lines))
-        crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
+        contours = contourpy.contour_generator(z=signs)
+        lines = [np.asarray(line).tolist() for line in contours.lines(0.0)]
+        total = sum(map(len, lines))
+        done = 0
         curves = []
-        for sides in sides_of_lines:
-            for side in sides:
-                if side not in crossed:
-                    crossed[side] = self.on_side(points, *side)
-                    report(0.5 + 0.5 * len(crossed) / total)
-            found = [point for side in sides if (point := crossed[side]) is not None]
-            if found:
-                curves.append(np.array(found))
+        for line in lines:
+            curve = []
+            # Each point of the contour is halfway between a stable and an unstable
+            # point of the grid.
+            for j, i in line:
+                point = self.on_side(points, i, j)
+                if point is not None:
+                    curve.append(point)
+                done += 1
+                report(0.5 + 0.5 * done / total)
+            if curve:
+                curves.append(np.array(curve))
         return curves
 
     def on_side(

@@ -136,10 +136,9 @@ def _run(study: NamedStudy, key: str) -> str:
                 f"{study.name} returned {result!r}: must be a mapping of names to "
                 "numbers"
             )
-        if taken := [
-            name for name in axes if result.get(name, axes[name]) != axes[name]
-        ]:
-            raise InputError(f"result: the name {taken[0]!r} is taken by an axis")
+        for name, value in axes.items():
+            if result.get(name, value) != value:
+                raise InputError(f"result: the name {name!r} is taken by an axis")
         row = {
             name: _plain(name, value, study.categories.get(name))
             for name, value in result.items()

@@ -286,13 +286,15 @@ def dataset_of(table: Store) -> xr.Dataset:
     """
     head = table.head
     axes = head["axes"]
+    keys = _keys_of(table)
+    dims = {name: name for name in axes}
     is_search = "search" in head
-    keys = [key for key in _keys_of(table) if key in table.rows or not is_search]
     if is_search:
+        keys = [key for key in keys if key in table.rows]
         cases = [json.loads(key) for key in keys]
         names = (*head["search"]["box"], *axes)
         axes = {name: [case[name] for case in cases] for name in names}
-    dims = {name: "run" if is_search else name for name in axes}
+        dims = dict.fromkeys(names, "run")
     sizes = {dims[name]: len(values) for name, values in axes.items()}
     rows = [table.row(key) for key in keys]
     results = [row.get("result", {}) for row in rows]
@@ -353,6 +355,6 @@ def _column(
     is_text = any(isinstance(value, str) for value in values)
     none = "" if is_text else math.nan
     plain = [none if value is None else value for value in values]
-    return np.array([*map(str, plain)], dtype=object) if is_text else np.array(
-        plain
-    ), about
+    if is_text:
+        return np.array([*map(str, plain)], dtype=object), about
+    return np.array(plain), about

@@ -30,8 +30,8 @@ from stickslip.loops import bounded
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Store
 
-# longest time of a batch, unless a single case takes longer: long beside the cost of
-# sending it
+# longest time of a batch, unless a single case takes longer: long compared with the
+# cost of sending it
 SECONDS = 0.5
 _MANY = 256  # assumed number of workers of an executor that does not give its own
 
@@ -107,19 +107,17 @@ class Processes(ProcessPoolExecutor):
 
 
 OURS = Threads | Processes
-Batch = Future[list[str]]
 
 
 def _number_of_workers(place: str, workers: int | None) -> int:
     """Return the number of workers, by default the number of cores that this process
     may use, which not every system reports.
     """
-    cores = (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
-    return cores if workers is None else whole(place, workers, at_least=1)
+    if workers is not None:
+        return whole(place, workers, at_least=1)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _start_worker() -> None:
@@ -180,7 +178,7 @@ class Runner:
         self._progress = progress
         self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
-        self._running: dict[Batch, list[str]] = {}
+        self._running: dict[Future[list[str]], list[str]] = {}
         self._lost: set[str] = set()  # cases whose worker has died
         # cases in the next batch: twice the number that the last one finished in time
         self._size = 1

@@ -290,13 +290,11 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
             "with what one holds"
         )
     if "drive" not in given and speeds:  # the axis sets the speed
-        last = (
-            speeds.get("to")
-            if isinstance(speeds, dict)
-            else speeds[-1]
-            if isinstance(speeds, list)
-            else speeds
-        )
+        last = speeds
+        if isinstance(speeds, dict):
+            last = speeds.get("to")
+        elif isinstance(speeds, list):
+            last = speeds[-1]
         given = {**given, "drive": {"velocity": last}}
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
@@ -333,12 +331,9 @@ def _axis(
             return _START.read(given, place, natural=True)
         if name in OTHERS:
             return whole(place, given, at_least=name == "contacts", at_most=2**53 - 1)
-        return read(
-            given,
-            place,
-            BY_NAME[name].unit,
-            sign="at least 0" if BY_NAME[name].zero else "above 0",
-        )
+        parameter = BY_NAME[name]
+        sign = "at least 0" if parameter.zero else "above 0"
+        return read(given, place, parameter.unit, sign=sign)
 
     if isinstance(given, Span):
         return given
@@ -416,15 +411,18 @@ def _plan(
     most = whole("run.max_cases", runs.max_cases, at_least=1)
     values = {each: _axis(each, given, read, most) for each, given in axes.items()}
     _check(rig, values, refinement)
-    lasting = {"distance": SHORTEST, "duration": 0.0}  # in natural units
-    for key, unit in (("distance", "x_s"), ("duration", "time")):
-        if (value := getattr(runs, key)) is not None:
-            lasting[key] = read(value, f"run.{key}", unit) / rig.unit(unit)
+    distance = SHORTEST  # in natural units, as is the duration
+    if runs.distance is not None:
+        distance = read(runs.distance, "run.distance", "x_s") / rig.unit("x_s")
+    duration = 0.0
+    if runs.duration is not None:
+        duration = read(runs.duration, "run.duration", "time") / rig.unit("time")
     study = Study(
         rig=replace(rig, name="", assumed={}, fitted={}, source=""),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
-        **lasting,
+        distance=distance,
+        duration=duration,
     )
     measure = sequence("measure", runs.measure or USUAL, "a list of names")
     for one in measure:

@@ -71,11 +71,12 @@ class Study:
         )
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
         duration = max(distance / velocity, self.duration)
-        for extension in range(self.extensions + 1):
-            drive = constant(velocity, duration * 2.0**extension)
+        for _ in range(self.extensions + 1):
+            drive = constant(velocity, duration)
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
+            duration *= 2.0
         found: dict[str, float | str] = {"regime": seen.kind, "reason": seen.reason}
         found |= {name: float(getattr(seen, name)) for name in _SAME}
         found["slips"] = float(seen.cycles)

@@ -89,22 +89,20 @@ def _in_plane(
     progress: Progress | None,
 ) -> xr.Dataset:
     one, other = ranges
-    between = (*ranges.values(),)
     edge = boundary(
         rig,
         over=(one, other),
-        between=(between[0], between[1]),
+        between=(ranges[one], ranges[other]),
         progress=None if bistable else progress,
     )
-    found = edge[[one, other, "curve"]].rename(
-        {name: f"edge_{name}" for name in (one, other, "curve")}
-    )
+    names = [one, other, "curve"]
+    found = edge[names].rename({name: f"edge_{name}" for name in names})
     if bistable:
         bands = bistable_region(
             rig,
             over=(one, other),
             edge=edge,
-            between=between[1],
+            between=ranges[other],
             places=17,
             progress=progress,
         )

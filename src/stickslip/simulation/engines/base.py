@@ -417,11 +417,8 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
         fewer = [other for other in refused if other != part]
         if not _engine(kind, interface, fewer, elastic):
             refused = fewer
-    first, *others = (
-        f"{'delay' if part == 'on_arrest' else part} = "
-        f"{getattr(interface, 'delay' if part == 'on_arrest' else part)!r}"
-        for part in refused
-    )
+    fields = ["delay" if part == "on_arrest" else part for part in refused]
+    first, *others = [f"{field} = {getattr(interface, field)!r}" for field in fields]
     leave = "leave it out"
     if others:
         who = f"{who} together with {' and '.join(others)}"

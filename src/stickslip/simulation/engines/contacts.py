@@ -266,10 +266,13 @@ class EventByEvent(Engine):
         turns_again = interface.sliding_force > 0.0 or hidden
         radians = course.turns if turns_again else course.rung
         ringing = oscillation(rig, radians)
-        plainly = rule_of(interface) is None and not rig.drive.load
-        plainly = plainly and isinstance(rig.slider, Slider)
-        told = each * events + sum(part.seconds for part in ringing)
-        if plainly and told > _WORTH_A_TRIAL:
+        has_fixed_thresholds = rule_of(interface) is None and not rig.drive.load
+        estimate = each * events + sum(part.seconds for part in ringing)
+        if (
+            has_fixed_thresholds
+            and isinstance(rig.slider, Slider)
+            and estimate > _WORTH_A_TRIAL
+        ):
             most = int(min(max(_SHARE * events, _LEAST_TRIED), _MOST_TRIED))
             found, further = tried(hashable(rig.natural), most)
             lives = min(found, lives)
