@@ -43,6 +43,7 @@ from stickslip.measure.trace import (
     dataset_of,
     mean_and_std,
     slope,
+    without_drift,
 )
 from stickslip.words import prefixed
 
@@ -310,13 +311,24 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         window = _late_window(trace) if after is None else Window.of(trace)
         seen = _combine_parts(_judge_parts(window))
     if "mu" in data and data["mu"].dims == ("time",):
-        size = abs(data["mu"])  # it changes sign with the direction
-        seen = replace(
-            _with_mu(seen, size),
-            static_mu=float(size.max()),
-            segments=tuple(_with_mu(each, size) for each in seen.segments),
-        )
+        seen = _with_friction(seen, data)
     return trace, seen
+
+
+def _with_friction(seen: Regime, data: xr.Dataset) -> Regime:
+    """Return the regime with coefficients of friction, those of strokes without their
+    offset.
+    """
+    mu = data["mu"]
+    if seen.offset is not None:
+        mu = mu - seen.offset * mu / data["spring_force"]
+    size = abs(mu)  # it changes sign with the direction
+    segments = tuple(_with_mu(each, size) for each in seen.segments)
+    seen = replace(_with_mu(seen, size), segments=segments, static_mu=float(size.max()))
+    if seen.offset is None:
+        return seen
+    strokes = [each.mean_mu for each in segments if each.mean_mu is not None]
+    return replace(seen, mean_mu=float(np.mean(strokes)))
 
 
 def _with_mu(seen: Regime, size: xr.DataArray) -> Regime:
@@ -371,7 +383,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
                 else _judge_parts(Window.of(stretch))
             )
             continue
-        parts += [_doubt_oscillation(_judge(Window.of(stroke))) for stroke in found]
+        parts += [_judge_stroke(stroke, friction) for stroke in found]
         strokes += len(found)
         loops.append((friction, trace.sign * offset))
     seen = _combine_parts(parts, strokes)
@@ -404,14 +416,20 @@ def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[
     return [f"the bench is unloaded for {time}, which is left out"]
 
 
-def _doubt_oscillation(stroke: Regime) -> Regime:
-    """Return the regime of a stroke; undecided for an oscillation without slips, which
-    a wavy path may cause.
-    """
-    if stroke.kind != LASTS:
-        return stroke
-    doubt = "by itself, or because the path is wavy: other speeds would decide"
-    return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
+def _judge_stroke(stroke: Trace, friction: float) -> Regime:
+    """Judge a stroke: its path may be wavy, and its friction change on the way."""
+    seen = _judge(Window.of(stroke))
+    if seen.kind == LASTS:
+        doubt = "by itself, or because the path is wavy: other speeds would decide"
+        return replace(seen, kind=OPEN, reason=f"{seen.reason}; {doubt}")
+    # A slider that is held all the way changes the force by more than this.
+    if seen.kind == OPEN and not seen.cycles and np.ptp(stroke.force) < MOST * friction:
+        level = replace(stroke, force=friction + without_drift(stroke.force))
+        even = _judge(Window.of(level))
+        if even.kind == SMOOTH:
+            reason = f"along the way friction changes; beside that {even.reason}"
+            return replace(seen, kind=SMOOTH, reason=reason)
+    return seen
 
 
 def _skip_loading(trace: Trace) -> Window:

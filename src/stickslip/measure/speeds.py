@@ -71,7 +71,8 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     trace = Trace.of(data)
     pieces = find_strokes(trace)[0] or [trace]
     size = max(FEWEST_READINGS, trace.t.size // _MOST_BLOCKS)
-    blocks = pd.concat(_blocks(data, piece, size) for piece in pieces)
+    tables = [_blocks(data, piece, size) for piece in pieces]
+    blocks = pd.concat(tables, ignore_index=True)
     fastest = blocks["velocity"].max()
     if not fastest > 0.0:
         raise InputError("friction_at_speeds: the record never moves")
