@@ -131,7 +131,9 @@ MORE = f"A run of {COUNT} contacts"
     ("count", "promised"), [(10_000, 20), (100_000, 250), (1_000_000, 5000)]
 )
 def test_more_contacts(benchmark, count, promised):
-    """As no cache holds its memory, the last step costs more than ten times as much."""
+    """In the last step memory exceeds every cache, and costs more than ten times as
+    much.
+    """
     of(benchmark, MORE, f"of {count:.0e}", promised)
     run(benchmark, sliding({}, count), rounds=2)
 

@@ -611,7 +611,7 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
 # takes the master equation at nodes of the stretching, and responses at many speeds
 @pytest.mark.slow
 def test_contacts_that_break_by_heat():
-    """Static friction and critical stiffness ignore temperature; the rest feels it."""
+    """Static friction and critical stiffness ignore it; the rest depends on it."""
     thresholds = ss.Gaussian(mean=1.0, std=0.3)
     interface = ss.Interface(
         thresholds=thresholds,

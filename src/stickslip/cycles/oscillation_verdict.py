@@ -277,8 +277,8 @@ def _fate(
 
 
 def _has_no_trend(size: Array) -> bool:
-    """Whether amplitudes scatter about a constant, with a trend below twice its error
-    and without a deep drop.
+    """Return whether amplitudes scatter about a constant, with a trend below twice its
+    error and without a deep drop.
     """
     (slope, _), covariance = np.polyfit(
         np.arange(size.size),

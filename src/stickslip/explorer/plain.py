@@ -47,7 +47,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     frequency = ""
     if not (words or seen.is_in_turn or seen.kind == "smooth sliding"):
         frequency = _frequency(seen)
-    # the parts have a table of their own
+    # the pieces have their own table
     evidence = str(replace(seen, segments=())).splitlines()
     return {
         "time": {**times, "values": packed(t)},

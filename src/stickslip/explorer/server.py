@@ -55,7 +55,7 @@ class Limits(NamedTuple):
     """Limits on the questions of one visitor."""
 
     run: float  # longest run, in estimated seconds; longer ones are cut short
-    quick: float  # seconds after which a quick question is given up
+    quick: float  # time limit of a quick question, in seconds
     # the same for slow questions (a map, mitigations, a fit with intervals); the table
     # of a fit is kept
     slow: float

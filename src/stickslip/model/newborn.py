@@ -135,7 +135,7 @@ def thresholds_beyond(
     return np.asarray(np.maximum(drawn, reach))
 
 
-# rounds; if one value in 1000 is acceptable, all are after these but for exp(-100)
+# Rounds of drawing; if one value in 1000 is acceptable, a fraction exp(-100) is left.
 _REDRAWN = 100_000
 
 

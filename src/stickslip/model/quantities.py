@@ -264,7 +264,7 @@ _SLIPS = (
 
 
 def _remedy(text: str) -> str:
-    """Return how to write a text that has only one meaning; empty if none is clear."""
+    """Return a suggestion of how to write a text; empty if its meaning is not clear."""
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
         return "must be finite"
     if len(text) > LONGEST_QUANTITY:

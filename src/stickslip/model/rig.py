@@ -92,7 +92,7 @@ class Operation(Record):
                 )
 
     def range_of(self, parameter: str) -> Range | None:
-        """Return the range of a parameter that can be built; None if it is unknown."""
+        """Return the feasible range of a parameter; None if it is unknown."""
         return {name: (low, high) for name, low, high in self.feasible}.get(parameter)
 
 

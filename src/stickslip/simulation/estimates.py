@@ -1,8 +1,8 @@
 """Time and memory that a run will take, estimated by each engine, by part, before the
 run starts.
 
-The costs are CPU times measured on one core of a desktop machine; how much faster or
-slower the present machine is, is measured in a few milliseconds.
+The costs are CPU times measured on one core of a desktop machine. The relative
+speed of the present machine is measured in a few milliseconds.
 
 >>> from stickslip.simulation import estimate
 >>> estimate(ss.example("pmma_slider")).seconds < 60

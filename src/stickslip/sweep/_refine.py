@@ -177,8 +177,8 @@ class _Search:
             result = self.runner.table.row(key).get("result")
             if result is not None and label not in result:
                 raise InputError(
-                    f"label = {label!r}: is none of the names under which the "
-                    "function returns"
+                    f"label = {label!r}: is not one of the names of the "
+                    "function's results"
                 )
             self.seen[point] = result and result[label]
 

@@ -30,8 +30,8 @@ from stickslip.loops import bounded
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Store
 
-# longest time of a batch, unless a single case takes longer: long beside the cost of
-# sending it
+# longest time of a batch, unless a single case takes longer: long compared with the
+# cost of sending it
 SECONDS = 0.5
 _MANY = 256  # assumed number of workers of an executor that does not give its own
 

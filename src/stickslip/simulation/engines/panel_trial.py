@@ -37,16 +37,16 @@ that.
 # Seconds of each further stretching of newborns at a node in a sweep, and the factor
 # where thresholds have knots.
 _ATTACHED, _KNOTTED = 5e-7, 3.5
-_SQUARED = 1.7  # factor where the barrier is the elastic energy, as roots are taken
+_SQUARED = 1.7  # cost factor for a barrier of elastic energy: square roots
 _AT_ONCE = 20  # steps between two checks of a trial
 _LEAST, _SHARE, _MOST = 0.1, 0.05, 2.0
 """A trial takes _LEAST seconds, or the fraction _SHARE of the whole run if that is
 more, and never more than _MOST seconds.
 """
-_HOPELESS = 100.0  # excess over the limit that a rough estimate suffices to refuse
-_ROUNDS = 6.0  # lives of contacts in which a run shows its lasting behaviour
-_BROKEN = 0.5  # breaks per contact from which the first slip has begun
-_RINGS = 100.0  # radians after the first slip that are followed at least
+_HOPELESS = 100.0  # excess over the limit at which a rough estimate is enough to refuse
+_ROUNDS = 6.0  # lives of contacts after which a run shows its lasting behaviour
+_BROKEN = 0.5  # breaks per contact at which the first slip has begun
+_RINGS = 100.0  # least number of radians that are followed after the first slip
 _DIES = 10.0
 """Decay times after which the steps of a ringing slider are as long as without
 ringing: they grow as the 6th root of the remaining amplitude over an error of 1e-4.

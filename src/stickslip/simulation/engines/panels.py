@@ -551,7 +551,7 @@ def _lives_met(
             early = begin + width * 0.25 ** np.arange(1, 24)
             x, weight = _on_panels({0.0, *early}, begin, end, width)
         clock, most, age = sliding_lives(breaking, begin, begun, x, velocity)
-        alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
+        alive = np.maximum(survivals(breaking, clock, most), 0.0)  # except for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
     x, weight, clock, most, age = (
         np.concatenate(part) for part in zip(*parts, strict=True)
