@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import labelled
-from stickslip.cycles.edges import CyclePoint, Edge, ParameterScan, halved
+from stickslip.cycles.edges import CyclePoint, Edge, EdgeKind, ParameterScan, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
 from stickslip.model import FromRest
@@ -219,7 +219,7 @@ def carried(
     # If smooth sliding becomes stable where the cycle decays, the cycle has shrunk into
     # smooth sliding.
     gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
-    kind = "shrinks to nothing" if gone else "fold"
+    kind: EdgeKind = "shrinks to nothing" if gone else "fold"
     if abs(math.log(edge[0] / edge[1])) > scan.tolerance:
         kind = "undecided"
     return points, Edge.of(kind, *edge)
