@@ -614,7 +614,7 @@ REFUSED = (
     lambda: ss.sweep.Refinement(runs=3),
     "runs = 3: must be",
     lambda: refine(parabola, UNIT, runs=16, label="colour"),
-    "label = 'colour': is none of the names under",
+    "label = 'colour': is not one of the names",
 )
 
 

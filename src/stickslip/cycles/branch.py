@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import labelled
-from stickslip.cycles.edges import CyclePoint, Edge, ParameterScan, halved
+from stickslip.cycles.edges import CyclePoint, Edge, EdgeKind, ParameterScan, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
 from stickslip.model import FromRest
@@ -195,30 +195,31 @@ def carried(
         there = scan.settled(value, points[-1].run)
         if there.verdict.has_cycle:
             points.append(there)
-        elif there.verdict.sustained is False:
+            return True
+        if there.verdict.sustained is False:
             failed = there
-        else:
-            return None
-        return there.verdict.has_cycle
+            return False
+        return None
 
     away = math.log(until / first.value)
-    strides = math.ceil(abs(away) / math.log1p(scan.step) - 1e-12)
-    ahead = [
-        first.value * math.exp(math.copysign(k * math.log1p(scan.step), away))
-        for k in range(1, strides)
-    ]
-    for value in [*ahead, until] if strides else []:
-        if (persistent := persists(value)) is not True:
+    stride = math.copysign(math.log1p(scan.step), away)
+    strides = math.ceil(away / stride - 1e-12)
+    values = [first.value * math.exp(k * stride) for k in range(1, strides)]
+    if strides:
+        values.append(until)
+    for value in values:
+        persistent = persists(value)
+        if persistent is None:
+            return points, Edge.of("undecided", value, points[-1].value)
+        if not persistent:
             break
     else:
         return points, Edge.of("end of range", until)
-    if persistent is None:
-        return points, Edge.of("undecided", value, points[-1].value)
     edge = halved(persists, value, points[-1].value, scan.tolerance)
     # If smooth sliding becomes stable where the cycle decays, the cycle has shrunk into
     # smooth sliding.
     gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
-    bracketed = abs(math.log(edge[0] / edge[1])) <= scan.tolerance
-    return points, Edge.of(
-        ("shrinks to nothing" if gone else "fold") if bracketed else "undecided", *edge
-    )
+    kind: EdgeKind = "shrinks to nothing" if gone else "fold"
+    if abs(math.log(edge[0] / edge[1])) > scan.tolerance:
+        kind = "undecided"
+    return points, Edge.of(kind, *edge)

@@ -176,14 +176,14 @@ def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
     floor = TINY * _friction(rig)
     if growing is False:
         floor = max(floor, noise_of(rig))
-    fate: tuple[bool | None, float, str] | None = None
+    outcome: tuple[bool | None, float, str] | None = None
     turns = bounded("settle", 5 * PATIENCE + 3)
-    while fate is None:
+    while outcome is None:
         next(turns)
         run, look = run.look()
         looks.append(look)
-        fate = _fate(looks, floor, growing)
-    answer, amplitude, what = fate
+        outcome = _outcome(looks, floor, growing)
+    answer, amplitude, what = outcome
     last = looks[-1]
     fastest = max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
@@ -225,7 +225,7 @@ def _friction(rig: Rig) -> float:
     return kinetic_friction(interface, rig.natural.velocity)
 
 
-def _fate(
+def _outcome(
     looks: list[Look],
     floor: float,
     growing: bool | None,

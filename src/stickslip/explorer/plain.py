@@ -150,8 +150,10 @@ def along_path(x: Array, y: Array) -> tuple[Array, Array]:
         return x, y
     scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
     steps = np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1])
-    way = np.append(0.0, steps.cumsum())
+    path = np.append(0.0, steps.cumsum())
     kept = np.unique(
-        np.searchsorted(way, np.linspace(0.0, way[-1], _ALONG_PATH)).clip(0, x.size - 1)
+        np.searchsorted(path, np.linspace(0.0, path[-1], _ALONG_PATH)).clip(
+            0, x.size - 1
+        )
     )
     return x[kept], y[kept]

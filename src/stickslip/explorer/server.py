@@ -284,17 +284,17 @@ class _Lane:
 
 async def _session(shared: _Shared, websocket: WebSocket) -> None:
     """Serve one window from its first to its last question, if there is room for it."""
-    who = websocket.client.host if websocket.client else ""
+    host = websocket.client.host if websocket.client else ""
     windows = shared.windows
-    if windows[who] >= shared.limits.windows or windows.total() >= _MOST_WINDOWS:
+    if windows[host] >= shared.limits.windows or windows.total() >= _MOST_WINDOWS:
         await websocket.close(1013)  # try again later
         return
-    windows[who] += 1
+    windows[host] += 1
     try:
         await websocket.accept()
         await _serve(shared, websocket)
     finally:
-        windows[who] -= 1
+        windows[host] -= 1
 
 
 async def _serve(shared: _Shared, websocket: WebSocket) -> None:

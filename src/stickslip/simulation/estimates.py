@@ -181,7 +181,7 @@ def course_of(rig: Rig) -> Course:
     duration = rig.drive.duration
     pieces = rig.drive.pieces
     mean = rig.interface.threshold_distribution.moment(1)
-    distance = sum(way_of(piece) for piece in pieces) / mean
+    distance = sum(travel_of(piece) for piece in pieces) / mean
     if not isinstance(slider, Slider | Mass) or slider.mass == 0:
         return Course(distance)
     stiffness = getattr(slider, "stiffness", 0.0)
@@ -201,17 +201,19 @@ def course_of(rig: Rig) -> Course:
     return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 
-def way_of(piece: Piece) -> float:
-    """Travel of the drive in a piece, at most; a `Travel` of the slider may end it."""
-    way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
-    return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
+def travel_of(piece: Piece) -> float:
+    """Return the largest travel of the drive in a piece; a `Travel` may end it."""
+    travel = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
+    if isinstance(piece.until, Travel):
+        return min(travel, piece.until.distance)
+    return travel
 
 
 def shortened(piece: Piece) -> Piece:
     """Return a piece cut at the time at which its `Travel` condition may end it."""
-    whole = way_of(replace(piece, until=None))
-    share = way_of(piece) / whole if whole else 1.0
-    return replace(piece, duration=piece.duration * share, until=None)
+    whole = travel_of(replace(piece, until=None))
+    fraction = travel_of(piece) / whole if whole else 1.0
+    return replace(piece, duration=piece.duration * fraction, until=None)
 
 
 def oscillation(

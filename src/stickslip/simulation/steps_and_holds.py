@@ -98,18 +98,18 @@ def velocity_step(
     checked = _rig_of("velocity_step", rig, method)
     v = checked.read("velocity_step: before", before, "x_s/time")
     w = checked.read("velocity_step: after", after, "x_s/time")
-    way = checked.read("velocity_step: distance", distance, "x_s")
+    travel = checked.read("velocity_step: distance", distance, "x_s")
     count = whole("velocity_step: points", points, at_least=10, at_most=10_000_000)
     engine, origin, _ = _sliding(checked, v, "velocity_step", stiffness)
     first = max(round(_APPROACH * count), 2)
-    approach = _APPROACH * way / v
+    approach = _APPROACH * travel / v
     times = np.append(
         np.linspace(0.0, approach, first + 1),
-        approach + np.linspace(0.0, way / w, count + 1)[1:],
+        approach + np.linspace(0.0, travel / w, count + 1)[1:],
     )
     track = follow(
         engine,
-        constant(v, approach).then(constant(w, way / w)),
+        constant(v, approach).then(constant(w, travel / w)),
         origin,
         times,
     )
@@ -218,17 +218,17 @@ def slide_hold_slide(
     origin += mean
     # far enough for the memory of a hold to decay, and for the spring to take up the
     # largest force
-    way = 2.0 * mean
+    travel = 2.0 * mean
     count = 8001
     rows = []
     if spring < math.inf:
-        way = way + 2.0 * mean / spring
+        travel = travel + 2.0 * mean / spring
         count = 40_001
     for hold in times:
-        again = engine.here()[0] + hold + np.linspace(0.0, way / v, count)
+        again = engine.here()[0] + hold + np.linspace(0.0, travel / v, count)
         track = follow(
             engine.copy(),
-            constant(0.0, hold).then(constant(v, way / v)),
+            constant(0.0, hold).then(constant(v, travel / v)),
             origin,
             again,
         )

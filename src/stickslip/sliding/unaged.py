@@ -324,10 +324,11 @@ def transforms(
     small = np.abs(q) < radius
     complement = np.empty_like(q)
     shape = np.empty_like(q)
+    inner = q[small]
     outer = q[~small]
-    if small.any():
-        complement[small] = q[small] * np.polynomial.polynomial.polyval(q[small], a)
-        shape[small] = q[small] * np.polynomial.polynomial.polyval(q[small], b)
+    if inner.size:
+        complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
+        shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
     mean, slope = distribution.transform(outer)
     complement[~small] = 1.0 - mean
     shape[~small] = (1.0 - mean) / outer - slope

@@ -288,6 +288,11 @@ def is_rightmost(
     return count_right_of(sliding, line) == with_partners(roots[roots.real > line])
 
 
+def _turns(value: ComplexArray) -> Array:
+    """Return the angles about zero by which each value turns to the next."""
+    return np.angle(value[1:] / value[:-1])
+
+
 def count_right_of(sliding: SmoothSliding, line: float) -> int | None:
     """Return the number of roots with ``Re s > line``, by the argument principle; None
     where phases cannot be followed.
@@ -303,11 +308,11 @@ def count_right_of(sliding: SmoothSliding, line: float) -> int | None:
     if followed is None:
         return None
     omega, value = followed
-    along = float(np.sum(np.angle(value[1:] / value[:-1])))
+    along = float(np.sum(_turns(value)))
     end = line + 1j * omega[-1]
     arc = abs(end) * np.exp(1j * np.linspace(0.0, np.angle(end), 2001))
     z = sliding.body(arc)
-    around = float(np.sum(np.angle(z[1:] / z[:-1])))
+    around = float(np.sum(_turns(z)))
     around += float(np.angle(value[-1] / z[-1]))
     zeros = (around - along) / math.pi
     if abs(zeros - round(zeros)) > 0.1:
@@ -370,7 +375,7 @@ def _followed_line(
             return None
     for _ in range(40):
         with np.errstate(all="ignore"):
-            turn = np.angle(value[1:] / value[:-1])
+            turn = _turns(value)
         coarse = ~(np.abs(turn) < 0.7) & (np.diff(omega) > 1e-12 * top)
         if not coarse.any():
             break

@@ -72,7 +72,7 @@ from stickslip.simulation.estimates import (
     breaking,
     oscillation,
     shortened,
-    way_of,
+    travel_of,
 )
 
 # random numbers drawn at once; with another length the same seed gives another run
@@ -284,12 +284,12 @@ class EventByEvent(Engine):
                 ringing = oscillation(rig, radians, _FLIGHT * flights)
         more = _RUN + _BOX * count * boxes
         if isinstance(interface.activation, Bell) and interface.ageing is None:
-            way = interface.threshold_distribution.moment(1) * (
+            travel = interface.threshold_distribution.moment(1) * (
                 course.distance + course.shaken
             )
             each = _CLOCKED_BREAK
             events = breaks
-            more = _WINDOW * 4.0 * way / interface.activation.width
+            more = _WINDOW * 4.0 * travel / interface.activation.width
         more += drawing(rig, count)
         if interface.newborn is not None:
             more += quantile(interface) * max(breaks, _BLOCK)
@@ -324,7 +324,7 @@ class EventByEvent(Engine):
         start, strength = newborns(interface, drawn, self._factor, rng, rng)
         if not keeps:
             reached, _ = lifetimes_of(self._rule, start, strength, velocity, rng)
-            x, strength, pending, gone = lives_met(
+            x, strength, pending, moved = lives_met(
                 beginning,
                 count,
                 rng,
@@ -332,7 +332,7 @@ class EventByEvent(Engine):
                 strength,
                 reached,
             )
-            return x, strength, pending, -gone / velocity
+            return x, strength, pending, -moved / velocity
         # Each contact is found somewhere in one of its lifetimes and the delay after
         # it, with a probability proportional to their length.
         every = np.repeat(start, _LIVES), np.repeat(strength, _LIVES)
@@ -350,12 +350,12 @@ class EventByEvent(Engine):
             np.take_along_axis(one, met[:, None], axis=1)[:, 0]
             for one in (path, length)
         )
-        gone = length * rng.random(count)
-        order = np.argsort(gone >= path, kind="stable")  # attached contacts first
-        held = np.count_nonzero(gone < path)
-        gone = gone[order]
-        pending = (length[order] - gone)[held:] / velocity
-        return (start[order] + gone), strength[order], pending, -gone / velocity
+        moved = length * rng.random(count)
+        order = np.argsort(moved >= path, kind="stable")  # attached contacts first
+        held = np.count_nonzero(moved < path)
+        moved = moved[order]
+        pending = (length[order] - moved)[held:] / velocity
+        return (start[order] + moved), strength[order], pending, -moved / velocity
 
     def _with_thresholds(self, draws: kernel.ContactDraws) -> kernel.ContactDraws:
         """Return the draws with new thresholds for contacts that attach; fewer where an
@@ -514,11 +514,11 @@ def tried(rig: Rig, most: int = _LEAST_TRIED) -> tuple[float, float]:
     engine = EventByEvent(beginning, Contacts(few, seed=method.seed))
     engine.events = _LOOK
     looks = np.transpose([*_looks_of(engine, beginning, rig, most)])
-    way, breaks, events = looks
-    whole = sum(map(way_of, rig.drive.pieces))
-    begun = np.searchsorted(way, _BEGUN * way[-1])
-    rest = max(whole - way[-1], 0.0) / max(way[-1] - way[begun], 1e-300)
-    ended = way[-1] > (1.0 - 1e-9) * whole
+    travel, breaks, events = looks
+    whole = sum(map(travel_of, rig.drive.pieces))
+    begun = np.searchsorted(travel, _BEGUN * travel[-1])
+    rest = max(whole - travel[-1], 0.0) / max(travel[-1] - travel[begun], 1e-300)
+    ended = travel[-1] > (1.0 - 1e-9) * whole
     if breaks[-1] == breaks[begun] and not ended:
         return math.inf, math.inf
     plain = _APART if rig.interface.delay.moment(1) > 0.0 else _AT_ONCE
@@ -542,9 +542,9 @@ def _looks_of(
         leg = Leg.along(piece, begin, position)
         for _ in advances(engine, leg):
             time, _ = engine.here()
-            part = past + way_of(piece) * (time - begin) / piece.duration
+            part = past + travel_of(piece) * (time - begin) / piece.duration
             yield part, int(motion.breaks), int(motion.events)
             if motion.events > most:
                 return
-        past += way_of(piece)
+        past += travel_of(piece)
         position = float(leg.drive_position(np.asarray(leg.end)))

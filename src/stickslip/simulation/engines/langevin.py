@@ -48,7 +48,7 @@ from stickslip.simulation.estimates import (
     Part,
     breaking,
     oscillation,
-    way_of,
+    travel_of,
 )
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
@@ -120,11 +120,11 @@ def _cohorts(rig: Rig, step: float) -> float:
     for piece in rig.natural.drive.pieces:
         speed = max(abs(piece.start), abs(piece.end))
         memory = _memory(constants, speed)
-        way = min(speed * memory / constants.mean, 1.0) if memory < math.inf else 1.0
+        reach = min(speed * memory / constants.mean, 1.0) if memory < math.inf else 1.0
         free = piece.duration / (_OF_MEMORY_DENSITY * memory)
-        taken = max(free, way_of(piece) / (step * constants.mean))
+        taken = max(free, travel_of(piece) / (step * constants.mean))
         steps += taken
-        cohorts += taken * (1.0 + way / step)
+        cohorts += taken * (1.0 + reach / step)
     return cohorts / steps if steps else 1.0
 
 

@@ -16,7 +16,7 @@ from stickslip.model import FromSliding, Interface
 from stickslip.model.drive import Piece
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Leg, advances
-from stickslip.simulation.estimates import LONGEST, Course, shortened, way_of
+from stickslip.simulation.estimates import LONGEST, Course, shortened, travel_of
 
 if TYPE_CHECKING:
     from stickslip.simulation.engines.panels import Panels
@@ -151,7 +151,7 @@ class _Trial:
         self.spent = [0.0]
         self.slip = math.inf
         self.slides = isinstance(rig.start, FromSliding)
-        velocity = sum(map(way_of, pieces)) / self.end
+        velocity = sum(map(travel_of, pieces)) / self.end
         life = mean / velocity if velocity else math.inf
         # time in which the drive loads a contact to its threshold through the spring
         self.cycle: float = life * (1.0 + 1.0 / slider.stiffness)

@@ -491,13 +491,13 @@ def _newborn(
     if newborn is None:
         return UNSTRETCHED
     x, weight = stretching_nodes(newborn, thresholds, finer=4)
-    way = np.linspace(0.0, 2.0 * end_and_knots(thresholds)[0], 200)[:, None]
+    displacement = np.linspace(0.0, 2.0 * end_and_knots(thresholds)[0], 200)[:, None]
 
     def survival(x: Array) -> Array:
         return np.maximum(thresholds.survival(np.abs(x)), 1e-300)
 
     def pulled(x: Array, weight: Array) -> Array:
-        far = way + x
+        far = displacement + x
         held = thresholds.survival(np.maximum(np.abs(far), np.abs(x))) / survival(x)
         return np.asarray((held * far) @ weight)
 

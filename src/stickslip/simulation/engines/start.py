@@ -26,7 +26,7 @@ from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning
-from stickslip.simulation.estimates import Course, way_of
+from stickslip.simulation.estimates import Course, travel_of
 from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
 _BLURRED = 1e-10  # error of the survival with thermal activation
@@ -141,14 +141,14 @@ def lives_met(
         if attached
         else np.empty(0, dtype=np.intp)
     )
-    gone = path[met] * rng.random(attached)
+    moved = path[met] * rng.random(attached)
     return *with_detached(
         beginning,
         count,
         rng,
-        gone + start[met],
+        moved + start[met],
         threshold[met],
-    ), np.append(gone, np.zeros(count - attached))
+    ), np.append(moved, np.zeros(count - attached))
 
 
 def with_detached(
@@ -314,7 +314,7 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
     attachments in a time `T`, with the first, is between one and two times
     ``T/<min(C, T)>`` (Erickson's inequality for renewal processes).
     """
-    way = way_of(piece)
+    travel = travel_of(piece)
     duration = piece.duration
     delay = interface.delay
     rule = rule_of(interface)
@@ -325,11 +325,11 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
         or interface.areas
     ):
         mean = interface.threshold_distribution.moment(1)
-        away = 0.0 if arrests else delay.moment(1) * way / duration
+        away = 0.0 if arrests else delay.moment(1) * travel / duration
         return (
-            way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)
+            travel / (mean + away) if math.isfinite(away) else min(travel / mean, 1.0)
         ), 0.0
-    velocity = max(way, _STILL) / duration
+    velocity = max(travel, _STILL) / duration
     start, reached, boxes = drawn_lives(interface, velocity)
     life = (reached - start) / velocity
     cycle = life if arrests else life + delay.sample(np.random.default_rng(0), _DRAWN)
