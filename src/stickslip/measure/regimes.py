@@ -37,7 +37,7 @@ from stickslip.measure.trace import (
     CONSTANT_DRIVE,
     FEWEST_CYCLES,
     FEWEST_READINGS,
-    RESTS,
+    STUCK_TIME,
     Trace,
     dataset_of,
     mean_and_std,
@@ -129,7 +129,9 @@ class Regime(Answer):
         """
         if self.kind == "sustained oscillation":
             return (
-                "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
+                "slips"
+                if self.stuck is not None and self.stuck >= STUCK_TIME
+                else "cycles"
             )
         return "slips" if self.kind == "stick-slip" else "drops"
 
