@@ -226,7 +226,7 @@ def seen_of(observation, peaks, troughs, **how):
     slips = {"count": np.array([peaks.size]), "peaks": peaks[None]}
     slips["troughs"] = troughs[None]
     one = ss.fitting.SeriesTable(prior=Prior(), parts=np.empty((1, 6)), **slips)
-    return observation.see(one, **how)[0][0]
+    return observation.sample(one, **how)[0][0]
 
 
 def test_the_observation_biases_simulations_as_it_does_traces():

@@ -193,8 +193,8 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
     made = table()
     rng = np.random.default_rng(seed)
     parts = rng.random((truths, len(KEYS)))
-    observed = IDEAL.see_at(made.prior, parts, seed=seed)[0]
-    seen = IDEAL.see(made)[0]
+    observed = IDEAL.simulate_at(made.prior, parts, seed=seed)[0]
+    seen = IDEAL.sample(made)[0]
     rows = []
     refused = Counter[str]()
     edge = 0

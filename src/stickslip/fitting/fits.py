@@ -464,7 +464,7 @@ def fit(
     )
     parts = sample.parts[even]
     seen = [
-        observation.see_at(prior, parts, seed=seed + 1000 + stretch)
+        observation.simulate_at(prior, parts, seed=seed + 1000 + stretch)
         for stretch in range(stretches)
     ]
     predicted, mean_peak = (np.mean(each, axis=0) for each in zip(*seen, strict=True))

@@ -69,7 +69,7 @@ def infer(
     are the statistics of the table with this observation, if they are known.
     """
     if seen is None:
-        seen = observation.see(table, seed=seed)[0]
+        seen = observation.sample(table, seed=seed)[0]
     valid = np.isfinite(seen[:, 0])
     if valid.sum() < nearest:
         raise InputError(

@@ -34,7 +34,7 @@ from stickslip.progress import Progress
 
 DRAWS = 6_000  # default number of draws from the prior
 _BLOCK = 250  # draws of a block of the table
-_SHARES = 8  # blocks in which `see_at` simulates, each with its own random numbers
+_SHARES = 8  # blocks in which `simulate_at` simulates, each with its own random numbers
 _AT_A_TIME = 500  # series observed at a time
 _TIMED = 20  # draws simulated to measure the time of one
 _LARGEST = 1 << 30  # most bytes of a stored block
@@ -223,7 +223,7 @@ class Observation(NamedTuple):
             Recording(*(force / events.mean_peak for force in forces)),
         )
 
-    def see(self, table: SeriesTable, *, seed: int = 0) -> tuple[Array, Array]:
+    def sample(self, table: SeriesTable, *, seed: int = 0) -> tuple[Array, Array]:
         """Sample all series of a table and detect their slips, on all cores; return
         their statistics (draws, 20) and mean peaks.
 
@@ -231,7 +231,7 @@ class Observation(NamedTuple):
         number of slips depends on the smallest drop.
         """
 
-        def look(begin: int) -> tuple[Array, Array]:
+        def sampled(begin: int) -> tuple[Array, Array]:
             rng = np.random.default_rng([seed, begin])
             some = range(begin, min(begin + _AT_A_TIME, len(table)))
             series = (
@@ -241,24 +241,22 @@ class Observation(NamedTuple):
                 )
                 for i in some
             )
-            P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
+            P, T = np.stack([self._detected(*each, rng) for each in series], axis=1)
             return statistics(P, T), P.mean(axis=-1)
 
         statistics_of, sizes = zip(
-            *_on_all_cores(look, range(0, len(table), _AT_A_TIME)), strict=True
+            *_on_all_cores(sampled, range(0, len(table), _AT_A_TIME)), strict=True
         )
         return np.concatenate(statistics_of), np.concatenate(sizes)
 
-    def see_at(
+    def simulate_at(
         self, prior: Prior, parts: Array, *, seed: int = 0
     ) -> tuple[Array, Array]:
         """Simulate series at given fractions of the ranges of a prior, on all cores,
-        and return the results of `see`.
+        and return the results of `sample`.
         """
         blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
-        slips = (
-            2 * self.slips + 10
-        )  # more than needed, as some are too small to be seen
+        slips = 2 * self.slips + 10  # some are too small to be detected
 
         def one(block: int) -> SeriesTable:
             return _simulated(
@@ -268,9 +266,11 @@ class Observation(NamedTuple):
                 np.random.default_rng([seed, 3, block]),
             )
 
-        return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
+        return self.sample(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 
-    def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
+    def _detected(
+        self, peaks: Series, troughs: Series, rng: np.random.Generator
+    ) -> Array:
         """Return peaks and troughs of the slips detected in one sampled series, as many
         as in the trace; NaN if there are fewer, or if their number depends on the
         smallest drop.

@@ -24,8 +24,8 @@ _CLOCKS = [
     re.compile(_MINUTES),
 ]
 _SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
-"""Units of time since 1970, and their number in 2001. In 2038, where signed 32 bits
-end, it is 2.2 times as large.
+"""Units of time since 1970, and how many had passed in 2001. By 2038, when a signed
+32-bit count of seconds overflows, it is 2.2 times as many.
 """
 _DAYS = 40_000.0, 60_000.0
 """Days since 1900, as spreadsheets count them, in 2009 and in 2064."""

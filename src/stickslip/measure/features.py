@@ -31,7 +31,7 @@ from stickslip.measure.trace import (
     ERRORS,
     FEWEST_CYCLES,
     FEWEST_READINGS,
-    RESTS,
+    STEADY_DEVIATION,
     Array,
     Trace,
     mean_and_std,
@@ -149,20 +149,20 @@ class Window:
         return abs(float(self.trace.force.mean())) or 1e-300
 
     @cached_property
-    def rest(self) -> Array:
+    def residual(self) -> Array:
         """The force without its drift."""
         return without_drift(self.trace.force)
 
     @cached_property
     def scatter(self) -> float:
         """Standard deviation of the force without its drift."""
-        return float(self.rest.std())
+        return float(self.residual.std())
 
     @cached_property
     def white_noise(self) -> Feature:
         """Scatter of the force over the noise of the sensor."""
         noise = max(self.slips.noise, ROUNDING * self.largest)
-        error = WHITE / ERRORS / math.sqrt(self.rest.size)
+        error = WHITE / ERRORS / math.sqrt(self.residual.size)
         return Feature(self.scatter / noise, error)
 
     @property
@@ -195,7 +195,7 @@ class Window:
         A force that climbs by more than `SMALL` may be that of a held slider. It may
         fall by more, as a held slider never lowers the force of a constant drive.
         """
-        slow = self.trace.force - self.rest
+        slow = self.trace.force - self.residual
         climb = np.max(slow - np.minimum.accumulate(slow))
         fall = np.max(np.maximum.accumulate(slow) - slow)
         return bool(fall <= MOST * self.largest and climb <= SMALL * self.largest)
@@ -203,9 +203,9 @@ class Window:
     @cached_property
     def kurtosis(self) -> Feature:
         """Kurtosis of the force, with the error that it has for white noise."""
-        fourth = float(np.mean((self.rest**2) ** 2))
+        fourth = float(np.mean((self.residual**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
-        return Feature(value, math.sqrt(24.0 / self.rest.size))
+        return Feature(value, math.sqrt(24.0 / self.residual.size))
 
     @cached_property
     def skewness(self) -> float:
@@ -214,8 +214,8 @@ class Window:
         faster than they climb.
         """
         least = 0.0
-        lag = 1
-        while lag <= self.rest.size // _PART_OF_LAGS:
+        lags = 2 ** np.arange(max(self.rest.size // _PART_OF_LAGS, 1).bit_length())
+        for lag in lags.tolist():
             change = self.rest[lag:] - self.rest[:-lag]
             cubes = change * change * change  # much faster than a power
             parts = np.array_split(cubes, 2 * FEWEST_CYCLES)
@@ -223,7 +223,6 @@ class Window:
             error = means.std(ddof=1) / math.sqrt(means.size)
             if error:
                 least = min(least, float(means.mean() / error))
-            lag *= 2
         return least
 
     @property
@@ -643,7 +642,7 @@ class Window:
             _test(
                 "slider velocity off the drive's (rms), over it",
                 self.velocity_deviation,
-                RESTS,
+                STEADY_DEVIATION,
                 "convention",
             ),
         )

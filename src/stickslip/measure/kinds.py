@@ -19,7 +19,7 @@ from stickslip.measure.features import (
 from stickslip.measure.periods import PERIODIC
 from stickslip.measure.slips import WHITE
 from stickslip.measure.strokes import are_to_and_fro
-from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
+from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, STEADY_DEVIATION, STUCK_TIME
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
@@ -95,7 +95,7 @@ def _missing(seen: Window) -> str:
     if trace.t[0] < (until := trace.steady_load_from):
         at = words.engineering(until, trace.time_unit, 3)
         return f"the normal load changes until {at}: then hold it for a while"
-    if seen.count >= FEWEST_CYCLES or seen.velocity_deviation < RESTS:
+    if seen.count >= FEWEST_CYCLES or seen.velocity_deviation < STEADY_DEVIATION:
         return ""
     if seen.shows_cycles:
         lacking = FEWEST_CYCLES - seen.count
@@ -164,7 +164,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     deviation = seen.velocity_deviation
     if not math.isnan(deviation):
         rms = f"rms deviation from the drive's velocity: {deviation:.2g} of it"
-        if deviation < RESTS:
+        if deviation < STEADY_DEVIATION:
             return SMOOTH, f"the slider moves evenly ({rms})"
         by = f"its {seen.trace.contacts or ''} contacts".replace("  ", " ")
         return (
@@ -173,7 +173,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
         )
     # correlation that the noise of the sensor leaves of that of a periodic force
     left = PERIODIC * max(1.0 - (seen.slips.noise / seen.scatter) ** 2, 0.0)
-    repeats = seen.correlation - WHITE / math.sqrt(seen.rest.size) > left
+    repeats = seen.correlation - WHITE / math.sqrt(seen.residual.size) > left
     hidden = seen.is_mostly_noise and repeats
     # Noise falls as fast as it rises, and climbs at various rates. Rare drops, to which
     # the force does not climb, take little of the time, too.
@@ -199,7 +199,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
 
 
 def _hidden(seen: Window) -> str:
-    noise = _percent(float(np.ptp(seen.rest)) / seen.largest)
+    noise = _percent(float(np.ptp(seen.residual)) / seen.largest)
     return f"noise of {noise} hides any oscillation, and slips: record more often"
 
 
@@ -225,7 +225,7 @@ def _sticking(seen: Window) -> str:
     stuck = seen.trace.stuck
     if stuck is None:
         return "the force alone does not show whether the slider sticks"
-    if stuck < RESTS:
+    if stuck < STUCK_TIME:
         return "the slider never sticks"
     return f"the slider sticks for {100 * stuck:.0f} % of the time"
 

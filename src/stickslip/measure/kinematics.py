@@ -20,7 +20,9 @@ from stickslip.measure.slips import Slips, find_slips, fitted_locally
 from stickslip.measure.trace import (
     ERRORS,
     FEWEST_CYCLES,
-    RESTS,
+    STEADY_DEVIATION,
+    STUCK_SPEED,
+    STUCK_TIME,
     Array,
     Trace,
     mean_and_std,
@@ -78,7 +80,7 @@ def _full_rate(force: Array, step: float, noise: float) -> float:
         if abs(rate - before) <= _STEADY * rate:
             break
     for _ in range(20):
-        near = found[np.abs(found - rate) < RESTS * rate]
+        near = found[np.abs(found - rate) < 0.25 * rate]
         rate = float(near.mean()) if near.size else rate
     return rate
 
@@ -204,7 +206,7 @@ def _half_cycle(trace: Trace, found: Slips) -> float:
     halves /= _BETWEEN
     half = found.typical(halves)
     scatter = 1.4826 * found.typical(np.abs(halves - half))
-    most = 0.5 * RESTS * half
+    most = half / 8
     known = trace.step <= most and ERRORS * scatter <= most * math.sqrt(found.size)
     return half if known else math.nan
 
@@ -286,7 +288,7 @@ def _note_loading(loading: float) -> tuple[str, ...]:
     """Note a loading rate too high for a stuck slider, which moves forwards or
     backwards at less than a quarter of the drive velocity.
     """
-    if not loading > 1.0 + RESTS:
+    if not loading > 1.0 + STUCK_SPEED:
         return ()
     return (
         f"the force rises at {loading:.2g} of stiffness times velocity, too fast for a "
@@ -335,11 +337,11 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     is_regular = found.size > FEWEST_CYCLES and of_waits < REGULAR
     if stuck >= HALF and swing >= HALF:
         word = "sticks and slips"
-    elif swing < RESTS:
+    elif swing < STEADY_DEVIATION:
         word = "moves evenly"
     elif cycles.periodic or is_regular:
         word = "oscillates"
-    elif stuck > RESTS:
+    elif stuck > STUCK_TIME:
         word = "stops and goes, without a period"
     else:
         word = "moves unevenly, without stops"

@@ -15,6 +15,7 @@ from stickslip import words
 from stickslip.answers import Answer
 from stickslip.arrays import Range
 from stickslip.errors import InputError, number
+from stickslip.loops import bounded
 from stickslip.measure.features import (
     CLIMBS,
     MOST,
@@ -38,7 +39,7 @@ from stickslip.measure.trace import (
     ERRORS,
     FEWEST_CYCLES,
     FEWEST_READINGS,
-    RESTS,
+    STUCK_TIME,
     Trace,
     dataset_of,
     mean_and_std,
@@ -132,7 +133,9 @@ class Regime(Answer):
         """
         if self.kind == "sustained oscillation":
             return (
-                "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
+                "slips"
+                if self.stuck is not None and self.stuck >= STUCK_TIME
+                else "cycles"
             )
         return "slips" if self.kind == "stick-slip" else "drops"
 
@@ -454,7 +457,9 @@ def _judge_settled(loaded: Window) -> list[Regime]:
         return parts
     latest = loaded.trace.t[0] + MOST * loaded.trace.length
     seen = loaded
+    turns = bounded("transients", loaded.trace.t.size)
     while (settled := _skip_transient(seen, latest)) is not seen:
+        next(turns)  # each begins later
         seen = settled
     later = _judge_parts(seen)
     together = _combine_parts(later)

@@ -21,7 +21,7 @@ from stickslip.measure.trace import (
 )
 
 _MOST_BLOCKS = 64  # blocks of a record, between which steps are looked for
-_RESTS = 5.0  # see `_rests`; a convention
+_UNLOADED_TIMES = 5.0  # see `_unloaded_intervals`; a convention
 _SMOOTHED = 5  # samples of a running median, which removes noise and single spikes
 # fraction of a change that a step makes from two blocks to the next two: else it is a
 # drift
@@ -49,7 +49,7 @@ def pulls(trace: Trace) -> list[Trace]:
     bench never rests unloaded, or if the parts differ in direction.
     """
     size = np.abs(median_filter(trace.force, _SMOOTHED, mode="nearest"))
-    rests = _rests(trace.t, size <= TINY * size.max())
+    rests = _unloaded_intervals(trace.t, size <= TINY * size.max())
     if not rests:
         return [trace]
     begins = [0, *(end for _, end in rests)]
@@ -65,15 +65,15 @@ def pulls(trace: Trace) -> list[Trace]:
     return parts if len(signs) == 1 else [trace]
 
 
-def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _unloaded_intervals(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the intervals in which the bench is unloaded, as pairs of their first
     sample and the first sample after them.
 
     A steady climb to the largest force spends the fraction `TINY` of its time near
-    zero: a bench that stays there `_RESTS` times as long is unloaded, both in all of
-    the record and beside each pull.
+    zero: a bench that stays there `_UNLOADED_TIMES` times as long is unloaded, both in
+    all of the record and beside each pull.
     """
-    if near.mean() < _RESTS * TINY:
+    if near.mean() < _UNLOADED_TIMES * TINY:
         return []
     edges = [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), near.size]
     runs = [*pairwise(edges)]
@@ -81,7 +81,7 @@ def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
     found = []
     for i, (begin, end) in enumerate(runs):
         beside = [*lasts[i - 1 : i], *lasts[i + 1 : i + 2]]
-        is_long = lasts[i] >= _RESTS * TINY * max(beside, default=math.inf)
+        is_long = lasts[i] >= _UNLOADED_TIMES * TINY * max(beside, default=math.inf)
         if near[begin] and is_long and end - begin >= FEWEST_READINGS:
             found.append((begin, end))
     return found

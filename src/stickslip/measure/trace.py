@@ -31,12 +31,14 @@ FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 ERRORS = 3.0  # a difference of more standard errors than this is significant ...
 CHANCE = float(ndtr(-ERRORS))  # ... and the probability of one by chance
-RESTS = 0.25
-"""A slider slower than this fraction of the drive velocity is stuck; one whose velocity
-deviates by less than this fraction (rms) moves steadily. A slider that is stuck for at
-least this fraction of the time sticks: one that just comes to rest in a sinusoidal
-motion is stuck for arccos(3/4)/pi = .23 of it.
-"""
+STUCK_SPEED = 0.25  # a slider slower than this fraction of the drive velocity is stuck
+# A slider that is stuck for at least this fraction of the time sticks: one that just
+# comes to rest in a sinusoidal motion is stuck for arccos(3/4)/pi = .23 of it.
+STUCK_TIME = 0.25
+# A slider whose velocity deviates from that of the drive by less than this fraction of
+# it (rms) moves steadily.
+STEADY_DEVIATION = 0.25
+SAME_SPEED = 0.25  # relative difference below which two speeds are taken as equal
 # relative change of the drive's velocity that still counts as constant
 CONSTANT_DRIVE = 0.01
 # Times of a measured trace that begin this many trace lengths after zero count from an
@@ -313,7 +315,7 @@ class Trace:
         """Fraction of the time in which the slider is slower than a quarter of the
         drive; None where its velocity is not known.
         """
-        return None if self.pace is None else float(np.mean(self.pace < RESTS))
+        return None if self.pace is None else float(np.mean(self.pace < STUCK_SPEED))
 
     @property
     def gaps(self) -> NDArray[np.intp]:
@@ -430,18 +432,18 @@ def slope(values: Array, at: Array) -> float:
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
 
-def memory(rest: Array) -> float:
+def neighbour_correlation(residual: Array) -> float:
     """Return the correlation of neighbouring residuals, 0 to 1."""
-    power = float(rest @ rest)
-    return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0
+    power = float(residual @ residual)
+    return max(float(residual[1:] @ residual[:-1]) / power, 0.0) if power > 0 else 0.0
 
 
-def independent(rest: Array, least: float = 1.0) -> float:
+def independent(residual: Array, least: float = 1.0) -> float:
     """Return the effective number of independent residuals, at least `least`:
     ``n (1 - r)/(1 + r)`` with the correlation `r` of neighbours (Bartlett).
     """
-    r = memory(rest)
-    return max(rest.size * (1.0 - r) / (1.0 + r), least)
+    r = neighbour_correlation(residual)
+    return max(residual.size * (1.0 - r) / (1.0 + r), least)
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:

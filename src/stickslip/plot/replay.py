@@ -80,7 +80,9 @@ def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
         count,
         part(watch, 0.0, 0.5),
     )
-    slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
+    slider, drive, stretching, flags = _sampled(
+        case, method, times, part(watch, 0.5, 1.0)
+    )
     force = case.slider.stiffness * (drive - slider) * rig.unit("f_s")
     exact = own and case.interface.ageing is None
     return Frames(
@@ -168,7 +170,7 @@ def _frame_times(
     return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
 
 
-def _look(
+def _sampled(
     rig: Rig, method: Contacts, times: Array, watch: Progress
 ) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
     """Return positions of slider and drive at some times of the run, and stretchings

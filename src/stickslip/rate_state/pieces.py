@@ -13,9 +13,9 @@ from stickslip.measure.trace import (
     CHANCE,
     CONSTANT_DRIVE,
     ERRORS,
-    RESTS,
+    SAME_SPEED,
     Array,
-    memory,
+    neighbour_correlation,
 )
 from stickslip.rate_state.fitting import Estimate
 
@@ -140,7 +140,7 @@ class _Points(NamedTuple):
         while next(turns) and len(runs) > 1:
             apart = [_difference(a, b) for a, b in pairwise(map(self.speed, runs))]
             k = int(np.argmin(apart))
-            if apart[k] >= math.log1p(RESTS):
+            if apart[k] >= math.log1p(SAME_SPEED):
                 break
             runs[k : k + 2] = [runs[k] + runs[k + 1]]
         return runs
@@ -210,7 +210,7 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
             begin_error=begin.error,
         )
         found.append(piece)
-    return found, clean + memory(rest) * rest
+    return found, clean + neighbour_correlation(rest) * rest
 
 
 def _noise(t: Array, x: Array) -> float:

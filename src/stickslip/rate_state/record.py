@@ -16,7 +16,7 @@ from stickslip.answers import Answer, plain
 from stickslip.arrays import Range
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
-from stickslip.measure.trace import RESTS, Array, independent
+from stickslip.measure.trace import SAME_SPEED, Array, independent
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record, checked_span
 from stickslip.rate_state.fitting import Estimate
@@ -249,7 +249,7 @@ def _is_hold(before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece) -> bool
     """Whether a piece is a hold between sliding at the same velocity."""
     if not rest.is_rest or not before.steps_to(after):
         return False
-    return abs(math.log(after.velocity / before.velocity)) < math.log1p(RESTS)
+    return abs(math.log(after.velocity / before.velocity)) < math.log1p(SAME_SPEED)
 
 
 def _hold(

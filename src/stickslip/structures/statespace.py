@@ -27,7 +27,7 @@ from stickslip.sliding.response import ComplexArray
 # last pair also represents all resonances beyond the band.
 _REACH = 0.6
 _POINTS = 60  # fewest frequencies for each pair of poles
-_TURNS = 30  # most iterations; poles converge within ten
+_ITERATIONS = 30  # most iterations; poles converge within ten
 _SETTLED = 1e-9  # change of the poles at convergence, in renewal frequencies
 _FEWEST, _MOST = 4, 24
 
@@ -207,7 +207,7 @@ def _fit(s: ComplexArray, values: ComplexArray, pairs: int) -> tuple[Array, Arra
     wanted = weight * values
     numbers = np.arange(1, pairs + 1)
     A = _blocks(np.concatenate([(-0.1 + 1j) * numbers, (-0.1 - 1j) * numbers]))
-    for _ in range(_TURNS):
+    for _ in range(_ITERATIONS):
         B = _input(A)
         states = weight[:, None] * _transfers(A, B, s)
         both = np.hstack([states, -values[:, None] * states])

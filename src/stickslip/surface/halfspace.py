@@ -137,7 +137,7 @@ def press(
         p[free] = np.clip(old - step * along, 0.0, hardness)
         if not p.any():
             p[gap.argmin()] = load  # the step has lost all contact: restart at a node
-        _carry(p, load, hardness)
+        _scale_to_load(p, load, hardness)
         change = float(np.abs(p[free] - old).sum()) / load
         # also check the load, some of which the hardness may leave uncarried
         if change < _CHANGE and abs(p.sum() / load - 1.0) < _CHANGE:
@@ -149,7 +149,7 @@ def press(
     )
 
 
-def _carry(p: Array, load: float, hardness: float) -> None:
+def _scale_to_load(p: Array, load: float, hardness: float) -> None:
     """Scale the pressures below the hardness, in place, so that they carry the load."""
     capped = p >= hardness
     borne = hardness * np.count_nonzero(capped) if capped.any() else 0.0
