@@ -164,13 +164,14 @@ class Course(NamedTuple):
 
     `distance` is the way of the drive and `shaken` that of a slider that a perturbation
     has set ringing, in mean thresholds. The slider turns by so many radians, and rings
-    for `rung` of them, where it sticks.
+    for `rung` of them, where it sticks, as far as in `loud` ones undamped.
     """
 
     distance: float
     shaken: float = 0.0
     turns: float = 0.0
     rung: float = 0.0
+    loud: float = 0.0
 
 
 def course_of(rig: Rig) -> Course:
@@ -196,7 +197,8 @@ def course_of(rig: Rig) -> Course:
     # as does a drive that jumps to another velocity
     jumps = sum(a.end != b.start for a, b in pairwise(pieces))
     slips = 1.0 + jumps + distance * min(stiffness, 1.0)
-    return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
+    loud = min(turns, rings * slips)
+    return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips), loud)
 
 
 def way_of(piece: Piece) -> float:

@@ -67,6 +67,12 @@ _TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
 a time of ageing, and a break.
 """
 _CONTACT = 150.0  # bytes of a contact
+# of a slider that a slip has left ringing: its mean path in a radian, in mean
+# thresholds, half of 2/pi of its amplitude, as it does not ring after each; and the
+# fraction of the radians rung in
+# which it matters, see `time_steps`
+_RINGS = 0.1
+_FOLLOWED = 0.3
 # delays drawn for contacts to choose from; one will do if all are the same
 _POOL = 65_536
 # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4;
@@ -402,11 +408,11 @@ class LangevinDensity(Steps):
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        path = course.distance + course.shaken + 0.01 * course.rung
+        path = course.distance + course.shaken + _RINGS * course.loud
         settled = _way_settled(rig)
         aged = _AGED * 1e-4 / method.rtol
         step = 4.0 / _cells_of_density(method.rtol)
-        steps = path / step
+        steps = path / step + _FOLLOWED * course.rung / Steps.angle
         remembered = _remembered(rig, _OF_MEMORY_DENSITY)
         taken = max(steps, remembered) + settled / step
         constants = ageing_constants(rig.natural.interface)
