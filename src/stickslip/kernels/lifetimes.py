@@ -34,6 +34,11 @@ QUIET = 20.0
 end: ``exp(-QUIET)``, 2e-9, too.
 """
 
+UNBROKEN = np.exp(-QUIET)
+"""Fraction of contacts that break in a panel up to which none does."""
+# radians of a perturbation that a panel resolves where contacts break
+_RESOLVED = 4.0 * (1.0 + 1e-9)
+
 NODE = radau(NODES)
 # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
 INTEGRAL = integrals(NODE)
@@ -212,7 +217,8 @@ def march(
     """Lives of contacts one threshold after the other: for barriers that no single
     variable describes.
 
-    No panel is longer than `longest`, for the frequencies that matter.
+    No panel in which any break is longer than `longest`, for the frequencies that
+    matter.
     """
     room = 1024
     panels = 0
@@ -239,8 +245,14 @@ def march(
         pushed = 0.0
         # ends: a panel without a width raises
         while here < end and broken < QUIET:
-            h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
+            h = _panel(hazard, growth, xi, v, here, end, broken)
             h = _up_to_the_end(h, here, end)
+            if h > longest:
+                for j in range(NODES):
+                    x[j] = here + h * NODE[j]
+                _fill_rates(hazard, growth, xi, v, x, rate, along, older)
+                if h * np.max(rate) > UNBROKEN:
+                    h = _up_to_the_end(longest, here, end)
             if panels == room:
                 room *= 2
                 width = np.append(width, np.empty(panels))
@@ -367,6 +379,22 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
             if lifetimes.fresh[k]:
                 start = 0.0j
                 left = 1.0 + 0.0j
+            held = lifetimes.survival[at]
+            unbroken = held - lifetimes.survival[at + NODES - 1] <= 2 * UNBROKEN * held
+            if size * h > _RESOLVED and unbroken and not (stiff or fast):
+                # all but the exponential function is constant
+                turned = np.exp(-here * h)
+                whole = (1.0 - turned) / here
+                moment = (1.0 - turned * (1.0 + here * h)) / here**2
+                moment += (lifetimes.x[at] - h * NODE[0]) * whole
+                rest = lifetimes.push[at] * start - lifetimes.drop[at] * left
+                lost += held * (h - left * whole)
+                work += held * left * moment
+                breaks += rest * whole
+                yields += rest * moment
+                start *= turned
+                left *= turned
+                continue
             if not fast:
                 for j in range(NODES):
                     turn[j] = np.exp(-here * h * NODE[j])
