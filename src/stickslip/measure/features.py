@@ -26,6 +26,7 @@ from stickslip.measure.slips import (
     speeds,
     weighted_median,
 )
+from stickslip.measure.strokes import LEAST_WAY
 from stickslip.measure.trace import (
     CHANCE,
     ERRORS,
@@ -67,6 +68,8 @@ NOISE_OF_CONTACTS = 0.5
 NORMAL = 2.5
 # coefficient of variation of the amplitudes of noise of a narrow band
 RAYLEIGH = math.sqrt(4.0 / math.pi - 1.0)
+# over that: cycles whose sizes scatter by less are no noise, by convention
+EVEN = 0.5
 # held for the rest of the time, a slider slips at four times the drive on average
 SLIP_PHASE = 0.25
 # usual waits: a wait so long is that of one drop that is missing
@@ -349,36 +352,53 @@ class Window:
         return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
 
     @property
-    def slips_throughout(self) -> bool:
-        """Whether the typical drops of each quarter, or of each half of few, are as
-        fast as slips.
+    def slipping_parts(self) -> float:
+        """Fraction of the quarters, or of the halves of few drops, in which typical
+        drops are as fast as slips; NaN where the window is judged as a whole.
         """
         found = self.found
         count = min(found.size // FEWEST_CYCLES, 4)
         if not self.trace.measured or count < 2:
-            return True
+            return math.nan
         number = np.arange(found.size) * count // found.size
         parts = (replace(self, found=found.only(number == i)) for i in range(count))
-        return all(part.falls_fast or part.are_slips for part in parts)
+        return sum(part.falls_fast or part.are_slips for part in parts) / count
 
     @property
-    def shows_cycles(self) -> bool:
-        """Whether drops make most of the scatter, with a climb to each or after it."""
+    def slips_throughout(self) -> bool:
+        """Whether typical drops are as fast as slips in each part of the window."""
+        return not self.slipping_parts < 1.0
+
+    @property
+    def drops_of_cycles(self) -> int:
+        """Number of drops that make most of the scatter, with a climb to each or after
+        it.
+        """
         found = self.found
         if not found.size:
-            return False
+            return 0
         peaks = np.append(found.before[1:], self.trace.force[found.end[-1] :].max())
         climbs = peaks - found.after
         large = found.drops > MOST * math.sqrt(12.0) * self.scatter
-        return bool(np.any(large & (climbs >= CLIMBS * found.drops)))
+        return int(np.count_nonzero(large & (climbs >= CLIMBS * found.drops)))
+
+    @property
+    def shows_cycles(self) -> bool:
+        """Whether a drop is that of a cycle."""
+        return self.drops_of_cycles > 0
+
+    @property
+    def unevenness(self) -> float:
+        """Scatter of the sizes of cycles over that of noise of a narrow band, by
+        Rayleigh's distribution; NaN where there are few or none.
+        """
+        enough = self.cycles is not None and self.found.size >= 2 * FEWEST_CYCLES
+        return mean_and_std(self.found.drops)[2] / RAYLEIGH if enough else math.nan
 
     @property
     def is_even(self) -> bool:
-        """Whether cycles are more alike than those of noise of a narrow band: their
-        sizes scatter by less than half as much as Rayleigh's distribution.
-        """
-        enough = self.cycles is not None and self.found.size >= 2 * FEWEST_CYCLES
-        return enough and mean_and_std(self.found.drops)[2] < 0.5 * RAYLEIGH
+        """Whether cycles are more alike than those of noise of a narrow band."""
+        return self.unevenness < EVEN
 
     @property
     def falls_fast(self) -> bool:
@@ -515,6 +535,47 @@ class Window:
         return rms_velocity_deviation(self.trace)
 
     @property
+    def _tests_of_drops(self) -> tuple[Criterion, ...]:
+        """The tests of drops and cycles where others have not told what they are."""
+        by_rates = math.nan
+        if math.isnan(self.slip_velocity) and self.loading.gain.value > CLIMBS:
+            by_rates = self.velocity_by_rates
+        nearer, farther = sorted((-self.trace.force.min(), self.trace.force.max()))
+        sided = self.trace.measured and nearer > 0 and not self.is_stick_slip
+        return (
+            _test(
+                "falling rate over that of any climb, plus 1",
+                by_rates,
+                1.0 / SLIP_PHASE,
+                "theory",
+                self.falls_fast,
+            ),
+            _test(
+                "fraction of the parts of the window with drops so fast",
+                self.slipping_parts if self.is_stick_slip else math.nan,
+                1.0,
+            ),
+            _test(
+                "drops that make most of the scatter, with a climb",
+                self.drops_of_cycles if self.count < FEWEST_CYCLES else math.nan,
+                1,
+            ),
+            _test(
+                "scatter of cycles over that of noise of a narrow band",
+                self.unevenness,
+                EVEN,
+                "convention",
+                self.is_even,
+            ),
+            _test(
+                "nearer over farther force, on both sides of zero",
+                nearer / farther if sided else math.nan,
+                LEAST_WAY,
+                "convention",
+            ),
+        )
+
+    @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, except those of unknown features."""
         value, error = self.change
@@ -524,7 +585,9 @@ class Window:
         white = 1.0 + ERRORS * self.white_noise.error
         velocity = SLIDER_VELOCITY
         if math.isnan(self.seen_velocity):
-            velocity = "1 + falling rate over loading rate"
+            of_a_held = self.trace.full_rate is not None
+            beside = "stiffness times velocity" if of_a_held else "loading rate"
+            velocity = f"1 + falling rate over {beside}"
         narrow = ERRORS * self.scatter / self.mean
         rows = (
             _test("drops that stand out of the noise", self.found.size, 1),
@@ -558,6 +621,7 @@ class Window:
                 self.ripple <= SMALL,
             ),
             _test(velocity, self.slip_velocity, self.slip_limit, "theory"),
+            *self._tests_of_drops,
             _test(
                 "loading rate times wait, over the drop",
                 gain,
