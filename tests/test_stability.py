@@ -386,6 +386,16 @@ def test_cold_contacts_answer_as_without_temperature_however_fast(thresholds):
     assert cold == pytest.approx(dynamic_stiffness(bare, 1.0, s), abs=1e-8)
 
 
+@pytest.mark.parametrize("thresholds", [ss.LogNormal(1.0, 0.3), TENTH])
+def test_growing_contacts_answer_as_without_temperature(thresholds):
+    """Contact by contact, as one variable does: the weakest break as they attach."""
+    bare = replace(case(thresholds), ageing=ss.ExponentialGrowth(rate=1.0))
+    s = 1j * np.array([0.1, 1.0, 10.0])
+    cold = replace(bare, activation=ss.Bell(width=0.05, attempts=1e-9))
+    wanted = dynamic_stiffness(bare, 1.0, s)
+    assert dynamic_stiffness(cold, 1.0, s) == pytest.approx(wanted, rel=1e-7)
+
+
 HEAT = ss.Bell(width=0.01, attempts=1e6)
 WARM = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), activation=HEAT)
 AT_ONCE = ss.Interface(thresholds=TENTH, ageing=ss.ExponentialGrowth(rate=0.2))

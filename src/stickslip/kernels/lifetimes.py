@@ -34,6 +34,11 @@ QUIET = 20.0
 ``exp(-QUIET)``; so are the survivors where panels end: 2e-9.
 """
 
+UNBROKEN = np.exp(-QUIET)
+"""Fraction of contacts that break in a panel up to which none does."""
+# radians of a perturbation that a panel resolves where contacts break
+_RESOLVED = 4.0 * (1.0 + 1e-9)
+
 NODE = radau(NODES)
 # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
 INTEGRAL = integrals(NODE)
@@ -148,15 +153,18 @@ def _fill_rates(
     growth: Growth,
     strength: float,
     v: float,
+    here: float,
+    h: float,
     x: Floats,
     rate: Floats,
     along: Floats,
     older: Floats,
 ) -> None:
-    """Fill the breaking rate per distance at stretchings of a contact, and its slopes
-    in the stretching and in ln v.
+    """Fill in the nodes of a panel on the path of a contact, the breaking rate per
+    distance there, and its slopes in the stretching and in ln v.
     """
     for j in range(NODES):
+        x[j] = here + h * NODE[j]
         rate[j] = along[j] = older[j] = 0.0
         if hazard.attempts > 0.0:
             c, pace = _threshold(growth, strength, x[j] / v)
@@ -213,7 +221,8 @@ def march(
     """Compute the lives of contacts one threshold after the other, for barriers that no
     single variable describes.
 
-    No panel is longer than `longest`, set by the frequencies that matter.
+    No panel in which a contact breaks is longer than `longest`, set by the frequencies
+    that matter.
     """
     room = 1024
     panels = 0
@@ -234,22 +243,21 @@ def march(
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
-        here = 0.0
-        broken = 0.0
-        late = 0.0
-        pushed = 0.0
+        here = broken = late = pushed = 0.0
         # ends: a panel without a width raises
         while here < end and broken < QUIET:
-            h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
+            h = _panel(hazard, growth, xi, v, here, end, broken)
             h = _up_to_the_end(h, here, end)
+            if h > longest:
+                _fill_rates(hazard, growth, xi, v, here, h, x, rate, along, older)
+                if h * np.max(rate) > UNBROKEN:
+                    h = _up_to_the_end(longest, here, end)
             if panels == room:
                 room *= 2
                 width = np.append(width, np.empty(panels))
                 fresh = np.append(fresh, np.empty(panels, np.bool_))
                 table = _with_room(table, nodes, room * NODES)
-            for j in range(NODES):
-                x[j] = here + h * NODE[j]
-            _fill_rates(hazard, growth, xi, v, x, rate, along, older)
+            _fill_rates(hazard, growth, xi, v, here, h, x, rate, along, older)
             width[panels] = h
             fresh[panels] = here == 0.0
             for j in range(NODES):
@@ -339,6 +347,33 @@ def _with_caps(
     return breaks, yields
 
 
+@inlined
+def _holds(lifetimes: Lifetimes, at: int) -> bool:
+    """Whether next to no contact breaks in the panel of a node."""
+    held = lifetimes.survival[at]
+    return held - lifetimes.survival[at + NODES - 1] <= 2 * UNBROKEN * held
+
+
+@jit
+def _unbroken(
+    lifetimes: Lifetimes, k: int, q: complex, start: complex, left: complex
+) -> Complexes:
+    """What a panel adds in which no contact breaks: all but ``exp(-q x)`` is
+    constant.
+    """
+    h = lifetimes.width[k]
+    at = k * NODES
+    held = lifetimes.survival[at]
+    turned = np.exp(-q * h)
+    whole = (1.0 - turned) / q
+    moment = (1.0 - turned * (1.0 + q * h)) / q**2
+    moment += (lifetimes.x[at] - h * NODE[0]) * whole
+    rest = lifetimes.push[at] * start - lifetimes.drop[at] * left
+    return np.array(
+        [held * (h - left * whole), held * left * moment, rest * whole, rest * moment]
+    )
+
+
 @jit
 def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complexes:
     """Return the transforms of a life under a perturbation, at each `q`, shape (4, n):
@@ -355,9 +390,8 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
     fed = np.empty(NODES, np.complex128)
     stiff = bool(np.any(lifetimes.decay != 0.0))
     thermal = bool(np.any(lifetimes.push != 0.0))
-    for m in range(q.size):
-        here = q[m]
-        size = abs(q[m])
+    for m, here in enumerate(q):
+        size = abs(here)
         start = 0.0j
         left = 1.0 + 0.0j
         lost = 0.0j
@@ -370,6 +404,11 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
             if lifetimes.fresh[k]:
                 start = 0.0j
                 left = 1.0 + 0.0j
+            if size * h > _RESOLVED and not (stiff or fast) and _holds(lifetimes, at):
+                found[:, m] += _unbroken(lifetimes, k, here, start, left)
+                start *= np.exp(-here * h)
+                left *= np.exp(-here * h)
+                continue
             if not fast:
                 for j in range(NODES):
                     turn[j] = np.exp(-here * h * NODE[j])
@@ -418,8 +457,8 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
         if fast:
             lost -= 1.0 / here
             work = 1.0 / here**2
-        found[0, m] = lost
-        found[1, m] = work
-        found[2, m] = breaks
-        found[3, m] = yields
+        found[0, m] += lost
+        found[1, m] += work
+        found[2, m] += breaks
+        found[3, m] += yields
     return found

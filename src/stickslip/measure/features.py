@@ -26,6 +26,7 @@ from stickslip.measure.slips import (
     speeds,
     weighted_median,
 )
+from stickslip.measure.strokes import LEAST_WAY
 from stickslip.measure.trace import (
     CHANCE,
     ERRORS,
@@ -73,6 +74,9 @@ NOISE_OF_CONTACTS = 0.5
 NORMAL = 2.5
 # coefficient of variation of the amplitude of narrow-band noise (Rayleigh)
 RAYLEIGH = math.sqrt(4.0 / math.pi - 1.0)
+# Cycles whose sizes scatter by less than this fraction of that are not noise; a
+# convention.
+EVEN = 0.5
 # A slider held for the rest of each cycle slips at four times the drive on average.
 SLIP_PHASE = 0.25
 # A wait of this many usual waits is that of one missing drop.
@@ -388,38 +392,53 @@ class Window:
         return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
 
     @property
-    def slips_throughout(self) -> bool:
-        """Whether the typical drops in each quarter of the drops are as fast as slips;
-        with few drops, in each half or third.
+    def slipping_parts(self) -> float:
+        """Fraction of the quarters of the drops, or of the halves or thirds of few, in
+        which typical drops are as fast as slips; NaN if all are judged together.
         """
         found = self.slips
         count = min(found.size // FEWEST_CYCLES, 4)
         if not self.trace.measured or count < 2:
-            return True
+            return math.nan
         number = np.arange(found.size) * count // found.size
         parts = (replace(self, slips=found.only(number == i)) for i in range(count))
-        return all(part.falls_fast or part.are_slips for part in parts)
+        return sum(part.falls_fast or part.are_slips for part in parts) / count
 
     @property
-    def shows_cycles(self) -> bool:
-        """Whether a drop makes most of the scatter, and is followed by a climb of at
-        least half its size.
+    def slips_throughout(self) -> bool:
+        """Whether typical drops are as fast as slips in each part of the window."""
+        return not self.slipping_parts < 1.0
+
+    @property
+    def drops_of_cycles(self) -> int:
+        """Number of drops that make most of the scatter, with a climb of at least half
+        their size before or after them.
         """
         found = self.slips
         if not found.size:
-            return False
+            return 0
         peaks = np.append(found.before[1:], self.trace.force[found.end[-1] :].max())
         climbs = peaks - found.after
         large = found.drops > MOST * math.sqrt(12.0) * self.scatter
-        return bool(np.any(large & (climbs >= CLIMBS * found.drops)))
+        return int(np.count_nonzero(large & (climbs >= CLIMBS * found.drops)))
+
+    @property
+    def shows_cycles(self) -> bool:
+        """Whether a drop is that of a cycle."""
+        return self.drops_of_cycles > 0
+
+    @property
+    def unevenness(self) -> float:
+        """Scatter of the sizes of cycles over that of noise of a narrow band, by
+        Rayleigh's distribution; NaN where there are few or none.
+        """
+        enough = self.cycles is not None and self.slips.size >= 2 * FEWEST_CYCLES
+        return mean_and_std(self.slips.drops)[2] / RAYLEIGH if enough else math.nan
 
     @property
     def is_even(self) -> bool:
-        """Whether the cycles are more alike than those of narrow-band noise: their
-        sizes scatter by less than half as much as Rayleigh's distribution.
-        """
-        enough = self.cycles is not None and self.slips.size >= 2 * FEWEST_CYCLES
-        return enough and mean_and_std(self.slips.drops)[2] < 0.5 * RAYLEIGH
+        """Whether cycles are more alike than those of narrow-band noise."""
+        return self.unevenness < EVEN
 
     @property
     def falls_fast(self) -> bool:
@@ -567,6 +586,47 @@ class Window:
         return rms_velocity_deviation(self.trace)
 
     @property
+    def _tests_of_drops(self) -> tuple[Criterion, ...]:
+        """The tests of drops and cycles where others have not told what they are."""
+        by_rates = math.nan
+        if math.isnan(self.slip_velocity) and self.loading.gain.value > CLIMBS:
+            by_rates = self.velocity_by_rates
+        nearer, farther = sorted((-self.trace.force.min(), self.trace.force.max()))
+        sided = self.trace.measured and nearer > 0 and not self.is_stick_slip
+        return (
+            _test(
+                "falling rate over that of any climb, plus 1",
+                by_rates,
+                1.0 / SLIP_PHASE,
+                "theory",
+                self.falls_fast,
+            ),
+            _test(
+                "fraction of the parts of the window with drops so fast",
+                self.slipping_parts if self.is_stick_slip else math.nan,
+                1.0,
+            ),
+            _test(
+                "drops that make most of the scatter, with a climb",
+                self.drops_of_cycles if self.count < FEWEST_CYCLES else math.nan,
+                1,
+            ),
+            _test(
+                "scatter of cycles over that of noise of a narrow band",
+                self.unevenness,
+                EVEN,
+                "convention",
+                self.is_even,
+            ),
+            _test(
+                "nearer over farther force, on both sides of zero",
+                nearer / farther if sided else math.nan,
+                LEAST_WAY,
+                "convention",
+            ),
+        )
+
+    @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests that decide a regime, without those of unknown features."""
         value, error = self.change
@@ -576,7 +636,9 @@ class Window:
         white = 1.0 + ERRORS * self.white_noise.error
         velocity = SLIDER_VELOCITY
         if math.isnan(self.seen_velocity):
-            velocity = "1 + falling rate over loading rate"
+            of_a_held = self.trace.full_rate is not None
+            beside = "stiffness times velocity" if of_a_held else "loading rate"
+            velocity = f"1 + falling rate over {beside}"
         narrow = ERRORS * self.scatter / self.mean
         rows = (
             _test("drops that stand out of the noise", self.slips.size, 1),
@@ -610,6 +672,7 @@ class Window:
                 self.ripple <= SMALL,
             ),
             _test(velocity, self.slip_velocity, self.slip_limit, "theory"),
+            *self._tests_of_drops,
             _test(
                 "loading rate times wait, over the drop",
                 gain,

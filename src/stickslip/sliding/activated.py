@@ -164,7 +164,7 @@ class ActivatedResponse(TabulatedResponse):
     def _fastest(self) -> float:
         """Wave number beyond which contacts have no memory."""
         mean = self.interface.threshold_distribution.moment(1)
-        return max(60.0 / self._std, 400.0 / mean)
+        return max(100.0 / self._std, 256.0 / mean)
 
     @cached_property
     def _std(self) -> float:
@@ -199,7 +199,8 @@ class ActivatedResponse(TabulatedResponse):
         return super().scales(velocity)
 
 
-@lru_cache(maxsize=16)
+# as many as a search along the velocity takes, for each mode of a bar
+@lru_cache(maxsize=64)
 def _life_table(
     response: ActivatedResponse, velocity: float
 ) -> "CubicSpline[np.complex128]":

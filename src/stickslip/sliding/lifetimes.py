@@ -96,13 +96,28 @@ def _lifetimes(
             activation.attempts * activation.width / velocity
         )
         bends = [(bend, activation.width)]
+    if isinstance(ageing, ExponentialGrowth) and ageing.newborn == 0.0:
+        # weaker contacts break at once, stronger ones soon
+        bends.append((velocity / ageing.rate, 0.01))
+    unlikely = float(distribution.inverse_survival(_UNLIKELY))
+
+    def longest_panel(strength: float) -> float:
+        """Longest panel of thresholds: waves turn over it twice as far as over one of
+        a life, and the errors of eight nodes are 1e-8.
+        """
+        return math.inf if strength > unlikely else 2.0 * longest
+
     return kernel.march(
         hazard,
         growth,
-        *threshold_nodes(distribution, 0.01, bends),
+        *threshold_nodes(distribution, 0.01, bends, longest_panel),
         velocity,
         longest,
     )
+
+
+# fraction of contacts that need not be resolved: below the errors of the table of lives
+_UNLIKELY = 1e-4
 
 
 def _cut_panels(one: Lifetimes, longest: float) -> Lifetimes:
@@ -149,19 +164,20 @@ def threshold_nodes(
     distribution: Distribution,
     first: float,
     places: list[tuple[float, float]],
+    longest: Callable[[float], float] = lambda _: math.inf,
 ) -> tuple[Array, Array]:
     """Nodes of thresholds and their weights, on panels of the size `first` at the
-    start, and finer near some places.
+    start, finer near some places, and nowhere longer than `longest` there.
     """
     if distribution.single:
         return np.array([distribution.moment(1)]), np.ones(1)
     start = max(distribution.support[0], 0.0)
     places = [(start, first), *((knot, 0.05) for knot in distribution.knots), *places]
     x, weight = gauss_nodes(
-        panel_edges(distribution, start, distribution.support[1], places)
+        panel_edges(distribution, start, distribution.support[1], places, longest)
     )
     weight = weight * distribution.density(x)
-    met = weight > 1e-14 * weight.sum()
+    met = weight > 1e-12 * weight.sum()
     return x[met], weight[met]
 
 
