@@ -52,6 +52,7 @@ TIMES_OF_SAW = np.round(0.01 * np.arange(600), 2)
 PAIRS, SEMICOLONS = (rows(f"{{t}}{mark}{{f}}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
 KN = {"units": ("s", "kN")}
+MILLI = {"units": ("ms", "mN")}
 STEP = {"step": 1.0}
 ZEROS = 60_000 * "0"
 LATE = {3: "x,1", 10: "1,1"}
@@ -77,6 +78,9 @@ BARE_LABVIEW = (
     "Channels\t1\nY_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
 )
 NEWTONS = {"units": ("s", "Newtons")}
+HEADS = """t (ms);F (mN) | t/ms;F/mN | time_ms;force_mN | Zeit in ms;Kraft in mN
+Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | [ms] Time;Force - mN | ms;mN
+Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力（mN）"""
 
 
 @pytest.mark.parametrize(
@@ -126,12 +130,10 @@ NEWTONS = {"units": ("s", "Newtons")}
         ("t,F\n" + PAIRS.replace("\n1.0,", "\n# paused\n1.0,"), {}),
         # Fortran, DOS
         ("Load cell (N)\n" + rows("{f / 10:.6f}D+01") + "\x1a", {"step": "250 ms"}),
-        ("t (ms);F (mN)\n" + SEMICOLONS, {"units": ("ms", "mN")}),
+        *((f"{head}\n{SEMICOLONS}", MILLI) for head in re.split(r" \| |\n", HEADS)),
         (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
         ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, KN),
         ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
-        ("time_s,force_kN\n" + PAIRS, KN),
-        ("t/s,F/kN\n" + PAIRS, KN),
         ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
         ("t;Friction coefficient (kN)\n" + SEMICOLONS, KN),
@@ -537,6 +539,8 @@ time,force; -----,----- | tF | time: column 1 .time.; force: column 2 .for
 "unit","N","g"; "Time(sec)","Fn","Fx" | tLF | column 3 .Fx. .g.; load:\x20
 t,temperature of friction pad (degC),F (N) | tLF | force: column 3\x20
  | tF | time: column 1; force: column 2; 600 readings, one each 10 ms
+t (s),Preload (N),Load (N) | tLF | force: column 3 .Load. .N.; 600
+Time 1 - default sample rate (s),Ft/Fn | tF | column 1 .*; force: column 2 .Ft/Fn.;
 """
 
 

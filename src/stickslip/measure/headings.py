@@ -19,6 +19,7 @@ Quantity = Literal[
     "displacement",
     "velocity",
     "part",
+    "aside",
     "other",
     "",
 ]
@@ -41,15 +42,18 @@ _LABELS = frozenset(_TABLES["labels"]["rows"].split(", "))
 _TORQUES = frozenset(_TABLES["labels"]["torques"].split(", "))
 _TIMES = " *·.-"  # between the units of a product: N m, N·m, ft-lb
 
-_BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
-_TAIL = re.compile(r"(?P<name>.*?[^\W_])\s*(?:[/,_]|\s+in\b|\s)\s*(?P<unit>[^\s/,_]+)")
+# brackets of all kinds, wide ones of East Asia too, to round ones
+_ROUND = str.maketrans("[{<\uff08\u3010]}>\uff09\u3011", "((((()))))")
+_BRACKET = re.compile(r"\s*\(\s*(?:in\s+)?([^()]*?)\s*\)\s*")
+_BEFORE_UNIT = re.compile(r"\s+in\s+|\s*[/,_.:|-]\s*|\s+")
+_SURE = {"force", "torque", "stress", "time"}  # kinds of units that need no name
 
 
 def unit_named(text: str) -> tuple[str, float] | None:
     """Kind of quantity and size in SI units of a unit that instruments write; None
     if it is not one of these.
     """
-    plain = text.strip()
+    plain = text.strip(" .")
     # Nm is no nanometre, but Newton and MIN mean the same in small letters
     return (
         _simple_unit(plain)
@@ -93,32 +97,42 @@ def ratio(unit: str, of: str) -> float | None:
     return one[1] / other[1] if one and other and one[0] == other[0] else None
 
 
+def _kind(unit: str) -> str:
+    """Kind of quantity of a unit; empty if it is not known."""
+    return (unit_named(unit) or ("",))[0]
+
+
 def simple(name: str) -> str:
     """A name as it is compared: in small letters, with blanks between words."""
     plain = re.sub("[\N{MICRO SIGN}\N{GREEK SMALL LETTER MU}]", "mu", name).lower()
     return re.sub(r"[\s_.\-:/]+", " ", plain).strip()
 
 
-def _named(name: str) -> Quantity:
-    """Return the quantity that a name means: the whole, or the longest known one in it,
-    the last of equally long ones; of "torque of the motor" the part before "of the".
+def _names_in(name: str) -> list[Quantity]:
+    """Return the quantities that a name may mean, the likeliest first: that of the
+    whole, then of the longest known words in it, the last of equally long ones; of
+    "torque of the motor" of the part before "of the".
 
     A single letter counts only where it stands alone, or behind the name of an
     instrument: ``DAQ.F``.
     """
-    plain = simple(name)
-    if plain in _NAMED:
-        return _NAMED[plain]
-    last = re.split(r"[./:]", name.strip())[-1]
-    if simple(last) in _NAMED:
-        return _NAMED[simple(last)]
-    words = plain.partition(" of the ")[0].split()
+    if _is_friction_over_load(name):
+        return ["coefficient"]
+    parts = [simple(name), simple(re.split(r"[./:]", name.strip())[-1])]
+    words = parts[0].partition(" of the ")[0].split()
     for count in range(min(len(words), _MOST_WORDS), 0, -1):
         for first in range(len(words) - count, -1, -1):
             part = " ".join(words[first : first + count])
-            if part in _NAMED and len(part) > 1:
-                return _NAMED[part]
-    return ""
+            if len(part) > 1:
+                parts.append(part)
+    return [_NAMED[part] for part in parts if part in _NAMED]
+
+
+def _is_friction_over_load(name: str) -> bool:
+    """Whether a name is a ratio such as Ft/Fn."""
+    above, _, below = name.partition("/")
+    quantities = [_NAMED.get(simple(each)) for each in (above, below)]
+    return quantities == ["force", "load"]
 
 
 class Heading(NamedTuple):
@@ -129,46 +143,68 @@ class Heading(NamedTuple):
 
     @classmethod
     def read(cls, cell: str) -> Self:
-        """Take the head of a column apart: ``Force (N)``, ``Force [N]``,
-        ``Force / N``, ``force_N``.
+        """Take the head of a column apart: ``Force (N)``, ``Force [N] raw``,
+        ``Force / N``, ``force_N``, ``millis``.
         """
         cell = cell.strip(' "\t')
-        if bracket := _BRACKET.fullmatch(cell):
-            return cls(**bracket.groupdict())
-        tail = _TAIL.fullmatch(cell)
+        brackets = [*_BRACKET.finditer(cell.translate(_ROUND))]
+        last = brackets[-1] if brackets else None
+        known = [each for each in brackets if _kind(each[1]) not in ("", "number")]
+        if known or (last and last.start() and last.end() == len(cell)):
+            found = (known or brackets)[-1]
+            around = cell[: found.start()], cell[found.end() :]
+            return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
+        if cls("", cell)._unit_fits() and _kind(cell) == "time":
+            return cls(cell, cell)
         # F_N is the normal force, and no force in N; F/N is one (ISO 80000)
-        if tail and ("/" in cell or _NAMED.get(simple(cell)) != "load"):
-            unit = unit_named(tail["unit"])
-            named = _named(tail["name"])
-            if unit and unit[0] in _TABLES["kinds"].get(named, ()):
-                return cls(**tail.groupdict())
+        is_load = "/" not in cell and _NAMED.get(simple(cell)) == "load"
+        if is_load or _is_friction_over_load(cell):
+            return cls(cell)
+        for found in _BEFORE_UNIT.finditer(cell):
+            heading = cls(cell[: found.start()], cell[found.end() :])
+            if heading.name and heading._unit_fits():
+                return heading
         return cls(cell)
+
+    def _unit_fits(self) -> bool:
+        """Whether the unit is one of the quantity that the name means, or needs no
+        name: ``tau_MPa``.
+        """
+        kind = _kind(self.unit)
+        named = _names_in(self.name)
+        if named:
+            return kind in _TABLES["kinds"].get(named[0], ())
+        is_minimum = self.unit.lower() == "min"
+        return kind in _SURE and len(self.unit) > 1 and not is_minimum
 
     @property
     def quantity(self) -> Quantity:
         """Quantity of the column, by its name or, where that is none of ours, by its
         unit; empty if neither is known.
         """
-        unit = unit_named(self.unit)
-        named = _named(self.name)
-        if unit is None or unit[0] == "signal":
-            return named
-        kind = unit[0]
-        if named in ("force", "coefficient"):  # of friction, as its unit says
-            named = "coefficient" if kind in ("number", "percentage") else "force"
-        fits = kind in _TABLES["kinds"].get(named, ())
+        kind = _kind(self.unit)
+        named = _names_in(self.name)
+        if kind in ("", "signal"):
+            return named[0] if named else ""
+        # of friction, as its unit says
+        is_ratio = kind in ("number", "percentage")
+        friction: Quantity = "coefficient" if is_ratio else "force"
+        for each in named:
+            meant = friction if each in ("force", "coefficient") else each
+            if kind in _TABLES["kinds"].get(meant, ()):
+                return meant
         by_unit: Quantity = _TABLES["without_a_name"].get(kind, "")
-        return named if fits else "other" if named else by_unit
+        return "other" if named else by_unit
 
     @property
     def is_named(self) -> bool:
         """Whether the name, rather than the unit alone, gives the quantity."""
-        return bool(_named(self.name))
+        return bool(_names_in(self.name))
 
     @property
     def is_torque(self) -> bool:
         """Whether a column of friction holds a torque."""
-        kind = (unit_named(self.unit) or ("",))[0]
+        kind = _kind(self.unit)
         words = {*simple(self.name).split()}
         return kind == "torque" or (not kind and bool(words & _TORQUES))
 
@@ -215,7 +251,7 @@ def _joined(name: str, unit: str) -> Heading:
     """A name and the cell in the line of units, which may be a second name."""
     heading = Heading.read(name)
     plain = unit.strip("[]()")
-    if plain and unit_named(plain) is None and _named(plain):
+    if plain and unit_named(plain) is None and _names_in(plain):
         return heading._replace(name=f"{heading.name} {plain}".strip())
     return Heading(heading.name, plain or heading.unit)
 
