@@ -55,6 +55,12 @@ _COMMAS = str.maketrans(".,", ",.")
 _NONE = {"nan", "na", "n/a", "null", "none", "-", "--", "---", ""}
 _NO_VALUE = _NONE | {"inf", "-inf", "+inf"}
 """What stands for no value; the first of them for one that was not taken."""
+_NO_READING = re.compile(r"\D*|.*#.*")  # OL, overload, #DIV/0!, 1.#QNAN
+# of a number with decimal points: 1'234.5, 1,234.5, but 1,234 may be less than two
+_BETWEEN_THOUSANDS = re.compile(
+    r"(?<=\d)(?:['\u2019\u00a0\u202f](?=\d{3}(?!\d))|,(?=(?:\d{3},)*\d{3}\.\d))"
+)
+_THOUSANDS_OR_LESS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}|[^,]*")
 
 Numbered = list[tuple[int, str]]
 """Lines with their numbers, from zero."""
@@ -91,13 +97,14 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     """Number and unit of a cell, a time of the day as seconds; None and no unit
     where it holds no finite number.
     """
-    cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
+    cell = cell.strip().strip('="').replace("\N{MINUS SIGN}", "-")
     if len(cell) > _LONGEST_NUMBER:
         return None, ""
     # as it stands: 25.04.2026 has points where decimals have commas, too
     if (seconds := seconds_of(cell)) is not None:
         return seconds, "s"
-    match = _NUMBER.fullmatch(cell.translate(_COMMAS) if comma else cell)
+    plain = cell.translate(_COMMAS) if comma else cell
+    match = _NUMBER.fullmatch(_BETWEEN_THOUSANDS.sub("", plain))
     if match is None:
         return None, ""
     value = float(match[1].translate(_FORTRAN))
@@ -220,6 +227,17 @@ def read_text(
         )
     columns = [*zip(*(row for row in cells if len(row) == width), strict=True)]
     numeric = [i for i, column in enumerate(columns) if layout.numbers(column) >= 0.5]
+    with_comma = [cell for i in numeric for cell in columns[i] if "," in cell]
+    if (
+        layout.comma
+        and not decimal
+        and all(map(_THOUSANDS_OR_LESS.fullmatch, with_comma))
+    ):
+        raise InputError(
+            f"cells such as {with_comma[0]!r} may hold thousands, or decimals behind a "
+            "comma: write no marks between thousands, or say --decimal ',' (in Python "
+            "decimal=',')"
+        )
     start = _first_row(head, numeric, layout)
     above = (
         _as_wide(line.lstrip().lstrip("#%/! "), layout, width)
@@ -418,6 +436,15 @@ def _cells(
     )
 
 
+def _no_reading(texts: list[str]) -> set[str]:
+    """Return the texts of cells that stand for no reading: known ones, and others
+    without digits, of which a logger writes one, or one for either end of its range.
+    """
+    known = {text for text in texts if text.strip().strip('"').lower() in _NONE}
+    others = {*filter(_NO_READING.fullmatch, texts)} - known
+    return known | others if len(others) <= 2 else known
+
+
 def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell stands for no value, infinite where it
     cannot be read, or holds a number in another unit than usual.
@@ -428,11 +455,12 @@ def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
             return cell if abs(cell) < sys.float_info.max else math.inf
         if not isinstance(cell, str):  # of some parts pandas makes numbers
             return cell
-        if cell.strip().strip('"').lower() in _NONE:
+        if cell in words:
             return math.nan
         value, unit = read_cell(cell, comma)
         return math.inf if value is None or unit not in ("", usual) else value
 
     if cells.dtype.kind not in "fiu":
+        words = _no_reading([cell for cell in cells.unique() if isinstance(cell, str)])
         cells = cells.map({cell: number(cell) for cell in cells.unique()})
     return np.array(cells, dtype=float)

@@ -60,7 +60,7 @@ def read_trace(
     Where rows cannot be read, and at spikes of a single sample, six standard deviations
     off, the force is interpolated linearly in time, and that is reported; more than 3
     unreadable rows, and more than 1 %, are an error. No reading is a blank cell, nan,
-    N/A, or one value far outside the others, such as -9999; where such rows are more
+    OL, or one value far outside the others, such as -9999; where such rows are more
     than 16 in turn, a gap, or half of all, they are left out.
 
     A clock that restarts begins another test: tests stand behind one another, in parts.
@@ -426,8 +426,9 @@ def _dataset(
         units["time"] = "s"
         rows.index = pd.Index(DAY * (rows.index - first), name="time")
         notes.append(
-            "the times are taken for days, as spreadsheets count them from 1900; where "
-            "they are none, write their unit into the heading, as in time (s)"
+            "the times are taken for days, as spreadsheets count them from 1900, and "
+            "MATLAB from 0; where they are none, write their unit into the heading, as "
+            "in time (s)"
         )
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
