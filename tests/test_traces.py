@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+import zipfile
 
 import numpy as np
 import pandas as pd
@@ -380,7 +381,8 @@ def test_a_tdms_file_is_read(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     waveform = {"wf_increment": 0.25, "wf_start_offset": 0.0}
     channels = {
-        "Friction force": (FORCES, waveform | {"unit_string": "mN"}),
+        "Clock": (np.datetime64("2026-04-25") + (1e6 * TIMES).astype("m8[us]"), None),
+        "Friction force": (FORCES, {"unit_string": "mN"}),
         "Temperature": (FORCES, waveform | {"unit_string": "°C"}),
         "Remarks": (["pulled"] * FORCES.size, None),
         "Spare": (np.array([]), None),
@@ -626,10 +628,22 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     np.save(tmp_path / "a.npy", np.column_stack([t, SAW]))
     matlab.savemat(tmp_path / "a.mat", {"t": t, "Ft": SAW, "rate": 100.0})
     matlab.savemat(tmp_path / "b.mat", {"run": {"time": t, "friction": SAW}})
-    for name in ("a.npy", "a.mat", "b.mat"):
+    in_units = {"time_ms": 1e3 * t, "force_kN": 1e-3 * SAW}
+    matlab.savemat(tmp_path / "c.mat", in_units)
+    np.savez(tmp_path / "c.npz", **in_units)
+    with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
+        archive.writestr("c.csv", table("t_ms,F_kN", *in_units.values()))
+    for name in ("a.npy", "a.mat", "b.mat", "c.mat", "c.npz", "c.zip"):
         found = read_trace(tmp_path / name)
-        assert found["spring_force"].values == pytest.approx(SAW)
-        assert found["time"].values == pytest.approx(t)
+        force, times = found["spring_force"], found["time"]
+        assert (times.attrs["units"] == "ms") == (name[0] == "c")
+        size = {"N": 1.0, "kN": 1e3}[force.attrs["units"]]
+        assert size * force.values == pytest.approx(SAW)
+        assert times.values == pytest.approx(t if size == 1.0 else 1e3 * t)
+    with zipfile.ZipFile(tmp_path / "c.zip", "a") as archive:
+        archive.writestr("notes.txt", "bench 7")
+    with pytest.raises(InputError, match=r"zip: c\.csv, notes\.txt; unpack it first"):
+        read_trace(tmp_path / "c.zip")
     counts = np.round(1000.0 * SAW).astype(np.int16)
     matlab.wavfile.write(tmp_path / "a.wav", 100, counts)
     found = read_trace(tmp_path / "a.wav", force=":1 mN/counts")
