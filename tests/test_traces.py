@@ -37,6 +37,13 @@ def rows(form, forces=FORCES, changes=None):
     return "\n".join([*made, ""])
 
 
+def in_parts(form, head=""):
+    """Lines of a table in two parts, the second below a head of its own."""
+    lines = rows(form).splitlines(keepends=True)
+    head = head or LABVIEW.split("***\t\n\t\n")[1]
+    return "".join([*lines[:30], head, *lines[30:]])
+
+
 def commas(form):
     """Lines of a table with decimal commas."""
     return rows(form).translate(COMMA)
@@ -79,6 +86,8 @@ BARE_LABVIEW = (
     "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n"
     "Channels\t1\nY_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
 )
+CATMAN = """Zeit 1 - Standardmessrate|Kraft|Weg\nms|mN|mm\nSR=4 Hz|SR=4 Hz|SR=4 Hz
+T0=1.2.24 12:00|T0=1.2.24 12:00|T0=1.2.24 12:00\nS9M|MX4 CH 1|MX4 CH 2\n"""
 NEWTONS = {"units": ("s", "Newtons")}
 HEADS = """t (ms);F (mN) | t/ms;F/mN | time_ms;force_mN | Zeit in ms;Kraft in mN
 Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | [ms] Time;Force - mN | ms;mN
@@ -139,6 +148,17 @@ Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力
         *((f"{head}\n{SEMICOLONS}", MILLI) for head in re.split(r" \| |\n", HEADS)),
         (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
         ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, KN),
+        ("t (ms);F (mN)\n" + rows("{t};{f};"), MILLI),
+        ('"t\n(ms)";"F\n(mN)"\n' + SEMICOLONS, MILLI),
+        ("\tt [ms]\tF [mN]\n" + rows("\t{t}\t{f}"), MILLI),
+        ("; t(ms) F(mN)\n" + rows("{t} {f}"), MILLI),
+        ("Peak;COF\n7.1;0.3\n\nt (ms);F (mN)\n" + SEMICOLONS, MILLI),
+        (CATMAN + rows("{t}|{f}|{t}"), MILLI),
+        ("Reading;F [N];t [s]\n" + rows("{int(4 * t)};{f};{t}"), {}),
+        ("Name,b\nSampling rate: 4 Hz\nForce (N)\n" + NUMBERS, {}),
+        ("Interval,0.25\nVertical Units,kN\nLabel,\nTIME,CH1\n" + PAIRS, KN),
+        (LABVIEW.format(columns="One") + in_parts("{t:.6f}\t{f:.6f}\t"), KN),
+        ("t,F\ns,kN\n" + in_parts("{t},{f}", "t,F\ns,kN\n"), KN),
         ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
         ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
@@ -251,8 +271,18 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         ("to be\nor not\nto be\n", STEP, "no column of numbers"),
         ("1\n2\n3\n", STEP, "3 readings are too few"),
         (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", STEP, "4 of 68 rows .*, first line 61"),
+        (
+            "t,F\ns,N\n" + in_parts("{t},{f}", "s,mN\n"),
+            {},
+            "line 33: .* in mN, no longer",
+        ),
+        (
+            "t,F_d\n" + rows("{int(t)},{f}"),
+            {},
+            "line 3: time 0 is that .* 59 rows take 14",
+        ),
         ("t,F_d\n" + rows("{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
-        ("t,F_d\n" + rows("1,{f}"), {}, "times must rise"),
+        ("t,F_d\n" + rows("1,{f}"), {}, "is that of the row before"),
         ("t,F\n" + rows("{t},{f}", changes=LATE), {}, "line 12: time 1 does not come"),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, STEP, "binary"),
         ("a,F_d\n" + rows("x,{f}"), STEP | {"force": "a"}, NO_COLUMN),
@@ -552,6 +582,7 @@ time,force; -----,----- | tF | time: column 1 .time.; force: column 2 .for
 "unit","N","g"; "Time(sec)","Fn","Fx" | tLF | column 3 .Fx. .g.; load:\x20
 t,temperature of friction pad (degC),F (N) | tLF | force: column 3\x20
  | tF | time: column 1; force: column 2; 600 readings, one each 10 ms
+Timestamp,Elapsed (s),F (N) | ttF | time: column 1 .Timestamp.; force: column 3\x20
 t (s),Preload (N),Load (N) | tLF | force: column 3 .Load. .N.; 600
 Time 1 - default sample rate (s),Ft/Fn | tF | column 1 .*; force: column 2 .Ft/Fn.;
 """

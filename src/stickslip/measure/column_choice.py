@@ -11,7 +11,13 @@ import numpy as np
 
 from stickslip import words
 from stickslip.errors import InputError, printable, shown
-from stickslip.measure.headings import Heading, Quantity, simple, unit_named
+from stickslip.measure.headings import (
+    Heading,
+    Quantity,
+    ratio,
+    simple,
+    unit_named,
+)
 from stickslip.measure.part_table import aligned
 from stickslip.measure.table_files import read_table
 from stickslip.measure.tables import Table
@@ -115,11 +121,14 @@ def choose(
         taken = [each.place for each in chosen.values()]
         free = [i for i in table.numeric if i not in taken]
         found = _by_heading(table, free, name)
-        if name == "time" and len(found) != 1:
+        if name == "time" and len(found) != 1 and not table.step:
             found, note = _rising_evenly(table, found or _unnamed(table, free))
             notes += note
         if len(found) == 1:
             chosen[name] = Choice(found[0], table.headings[found[0]])
+        elif name == "time" and table.step:
+            each = words.engineering(table.step, "s")
+            notes.append(f"times by the interval that the file states, {each}")
         elif name in ("time", "force"):
             raise _question(table, name, found)
     return chosen, notes
@@ -141,7 +150,8 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
         named = [i for i in found if table.headings[i].is_named]
         if found:
             return named or found
-    if name == "force" and not _unnamed(table, free):
+    unnamed = table.read(_unnamed(table, free)) if name == "force" else {}
+    if name == "force" and all(map(_is_a_count, unnamed.values())):
         return [i for i in free if _is_pulled_with(table.headings[i])]
     return []
 
@@ -161,19 +171,32 @@ def _unnamed(table: Table, free: list[int]) -> list[int]:
 
 def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list[str]]:
     """The one of some columns that rises evenly, as a time does, or the first of
-    several that are the same; none, where one just counts the rows.
+    several that rise together; none, where one just counts the rows.
     """
     numbers = table.read(candidates) if candidates else {}
     even = [i for i in candidates if rises_evenly(numbers[i])]
     if not even:
         return [], []
-    values = [numbers[i] for i in even]
-    if not all(np.array_equal(each, values[0], equal_nan=True) for each in values):
+    first = numbers[even[0]]
+    since = [_seconds_since_first(numbers[i], table.headings[i].unit) for i in even]
+    apart = max(float(np.nanmax(np.abs(each - since[0]))) for each in since)
+    if apart > _UNEVEN * float(np.nanmedian(np.diff(since[0]))):
         return even, []
-    if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
+    if _is_a_count(first):
         return [], []
     choice = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{choice} rises evenly and is taken for the time"]
+
+
+def _is_a_count(values: Array) -> bool:
+    """Whether numbers rise by one, as those of the rows do."""
+    return bool(np.all(np.diff(values[np.isfinite(values)]) == 1.0))
+
+
+def _seconds_since_first(times: Array, unit: str) -> Array:
+    """Times since the first one, in s where their unit is known."""
+    known = times[np.isfinite(times)]
+    return np.asarray((times - known[0]) * (ratio(unit, "s") or 1.0))
 
 
 def rises_evenly(values: Array) -> bool:

@@ -102,6 +102,18 @@ def _kind(unit: str) -> str:
     return (unit_named(unit) or ("",))[0]
 
 
+def step_named(name: str, value: float, unit: str) -> float | None:
+    """Return the sampling interval in s that a number of this name is or, as a rate,
+    gives.
+    """
+    plain = simple(name)
+    for words, si, power in (("steps", "s", 1.0), ("rates", "hz", -1.0)):
+        size = ratio(unit or si, si)
+        if plain in _TABLES["labels"][words].split(", ") and size and value > 0.0:
+            return float((size * value) ** power)
+    return None
+
+
 def simple(name: str) -> str:
     """A name as it is compared: in small letters, with blanks between words."""
     plain = re.sub("[\N{MICRO SIGN}\N{GREEK SMALL LETTER MU}]", "mu", name).lower()
@@ -216,17 +228,30 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     """Return names and units of `width` columns, from lines above them: the last that
     holds names, and the units in the line below it or above it.
 
-    Lines of dashes, and the label of a line ("Unit"), are left out.
+    Lines of dashes, and the label of a line ("Unit"), are left out. A line with such a
+    label counts wherever it stands.
     """
     plain = [[_text_of(cell) for cell in row] for row in rows]
-    plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
+    labelled = [
+        row for row, given in zip(plain, rows, strict=True) if row[0] != given[0]
+    ]
+    plain = [row for row in plain if any(row)]
+    near = plain[-_MOST_ROWS:]
+    if not any(map(count_named, near)):  # names of channels stand between, and rates
+        full = [k for k, row in enumerate(plain) if count_named(row) > 1]
+        near = plain[max(full[-1] - 1, 0) : full[-1] + 2] if full else near
     names = units = [""] * width
-    for row in plain:
+    for row in [*labelled, *near]:
         if _are_units(row, alone=len(plain) == 1):
             units = row
         else:
             names = row
     return [*map(_joined, names, units)]
+
+
+def count_named(row: Sequence[str]) -> int:
+    """Number of cells in a line that name a quantity."""
+    return sum(bool(Heading.read(cell).quantity) for cell in row)
 
 
 def _text_of(cell: str) -> str:

@@ -22,12 +22,14 @@ from stickslip.errors import InputError, refused, shortened
 from stickslip.measure.clocks import seconds_of, turn_of
 from stickslip.measure.headings import (
     Heading,
+    count_named,
     headings_of,
     ratio,
+    step_named,
     unit_named,
     with_coefficients,
 )
-from stickslip.measure.trace import Array
+from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import unit_size
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ _LONGEST_LINE = 65_536  # characters of a line that are looked at
 _SAMPLE = 400  # lines looked at to find out how a table is laid out
 _HEAD = 1000  # lines among which a table must start
 _LOOKED_AT = 50  # rows, and cells of each, by which a layout is chosen
+_TALLEST_CELL = 8  # lines of a heading in quotation marks
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
@@ -62,6 +65,8 @@ _BETWEEN_THOUSANDS = re.compile(
 )
 _THOUSANDS_OR_LESS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}|[^,]*")
 
+# a key, and what stands behind it
+_STATEMENT = re.compile(r'[\s#%/!"]*([^:=\t;,"]+)["\s:=\t;,]+(.+)')
 Numbered = list[tuple[int, str]]
 """Lines with their numbers, from zero."""
 
@@ -154,6 +159,40 @@ class _Layout(NamedTuple):
         return len(parts) > 1 and self.numbers(parts) > 0.0
 
 
+class _Fit(NamedTuple):
+    """How lines above a table fit to its columns: their layout, the number of columns,
+    and that of those up to the last one that is not always blank.
+    """
+
+    layout: _Layout
+    narrowest: int
+    width: int
+
+    def cells_above(self, line: str) -> list[str]:
+        """The texts of a line above the table, one to a column; none if these are too
+        few, or all are numbers.
+        """
+        mark = self.layout.mark
+        # the marks of a comment, but no column without a name
+        plain = line.lstrip("#%/! " if mark == ";" else "#%/!; ")
+        if mark not in (_BLANKS, _BEFORE_NUMBERS):
+            found = [self.layout.split(plain)]
+        else:  # names may hold blanks: look for other marks first
+            found = [
+                _Layout(each, False).split(plain) for each in ",;\t" if each in plain
+            ]
+            blanks = (r"\s{2,}", r"\s+(?![\[(])", r"\s+")
+            found += [re.split(each, plain.strip()) for each in blanks]
+            found = [cells for cells in found if len(cells) == self.width]
+        for cells in found:
+            # rows may leave out a last one for remarks, as LabVIEW's do
+            row = cells[: self.width] + [""] * (self.width - len(cells))
+            is_text = self.layout.numbers(row, none=1.0) < 1.0
+            if len(cells) >= self.narrowest and is_text:
+                return row
+        return []
+
+
 def _as_utf8(raw: bytes) -> bytes:
     """The text of a file in UTF-8, its lines ended by a line feed."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or raw[1:2] == b"\0":
@@ -189,9 +228,27 @@ class _Lines(NamedTuple):
         return self.raw[begin:end].decode(errors="replace")
 
     def head(self) -> Numbered:
-        """The first lines that are not blank."""
-        first = ((i, self.line(i)) for i in range(min(self.total, _HEAD)))
-        return [(i, line) for i, line in first if line.strip()]
+        """The first lines that are not blank; a cell in quotation marks may go over
+        several.
+        """
+        found = []
+        i = 0
+        while i < min(self.total, _HEAD):
+            end = self._end_of_cells(i)
+            line = " ".join(map(self.line, range(i, end)))
+            if line.strip():
+                found.append((i, line))
+            i = end
+        return found
+
+    def _end_of_cells(self, begin: int) -> int:
+        """Return the line after the last one of the cells of a line."""
+        quotes = 0
+        for i in range(begin, min(begin + _TALLEST_CELL, self.total)):
+            quotes += self.line(i).count('"')
+            if quotes % 2 == 0:
+                return i + 1
+        return begin + 1
 
     def sample(self, begin: int) -> list[str]:
         """Rows from the line `begin` on, evenly over the text."""
@@ -227,35 +284,14 @@ def read_text(
         )
     columns = [*zip(*(row for row in cells if len(row) == width), strict=True)]
     numeric = [i for i, column in enumerate(columns) if layout.numbers(column) >= 0.5]
-    with_comma = [cell for i in numeric for cell in columns[i] if "," in cell]
-    if (
-        layout.comma
-        and not decimal
-        and all(map(_THOUSANDS_OR_LESS.fullmatch, with_comma))
-    ):
-        raise InputError(
-            f"cells such as {with_comma[0]!r} may hold thousands, or decimals behind a "
-            "comma: write no marks between thousands, or say --decimal ',' (in Python "
-            "decimal=',')"
-        )
-    start = _first_row(head, numeric, layout)
-    above = (
-        _as_wide(line.lstrip().lstrip("#%/! "), layout, width)
-        for i, line in head
-        if i < start
-    )
-    named = [row for row in above if layout.numbers(row, none=1.0) < 1.0]
-    points = any("." in cell for i in numeric for cell in columns[i] if ":" not in cell)
-    chosen = layout.comma or delimiter or decimal
-    if layout.mark == "," and not (chosen or named or points):
-        raise InputError(
-            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} "
-            "columns, or fewer with decimal commas; write decimal points, or a line "
-            "of names above, one to a column, as 'time (s),force (N)' (in Python say "
-            "decimal=',' or delimiter=',', too)"
-        )
+    filled = [i for i, column in enumerate(columns) if any(map(str.strip, column))]
+    fit = _Fit(layout, max(filled, default=0) + 1, width)
+    start = _first_row(head, numeric, fit)
+    above = [*labview, *(line for i, line in head if i < start)]
+    named = [row for line in above if (row := fit.cells_above(line))]
+    if not (delimiter or decimal):
+        _refuse_unclear_commas(layout, sample, [columns[i] for i in numeric], named)
     headings = headings_of(named, width)
-    step = _labview(labview, headings, numeric, layout)
     units = {}
     clocks = {i: turn_of(columns[i][0]) for i in numeric if ":" in columns[i][0]}
     for i in numeric:
@@ -266,7 +302,8 @@ def read_text(
     quoted = '"' in "".join(sample)
     begins = lines.begins[start:-1]
     ends = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
-    keep = ~np.isin(begins, ends)
+    again = _repeated(lines, start, above, fit, headings)
+    keep = ~np.isin(begins, [*ends, *lines.begins[again]])
 
     def read(places: list[int]) -> dict[int, Array]:
         cells = _cells(lines, start, [*places, width], layout, quoted=quoted)
@@ -285,29 +322,95 @@ def read_text(
         read,
         np.flatnonzero(keep) + start + 1,
         lambda row: lines.line(row - 1).strip(),
-        step,
+        step_stated(above, layout.comma),
+        (f"{len(again)} lines that repeat the head are left out",) if again else (),
     )
 
 
 def _without_header_of_labview(head: Numbered) -> tuple[list[str], Numbered]:
-    """Part the header of a LabVIEW file, empty where there is none, from the rest."""
+    """Part the header of a LabVIEW file and of the first part of its data, empty where
+    there is none, from the rest.
+    """
     lines = [line for _, line in head]
     ends = [k for k, line in enumerate(lines, 1) if line.startswith("***End_of_Header")]
-    end = max(ends, default=0)
+    end = ends[:2][-1] if ends else 0
     return lines[:end], head[end:]
 
 
-def _first_row(head: Numbered, numeric: list[int], layout: _Layout) -> int:
-    """Return the number of the first line that has a number in each column of them."""
+def _refuse_unclear_commas(
+    layout: _Layout,
+    sample: list[str],
+    numbers: list[tuple[str, ...]],
+    named: list[list[str]],
+) -> None:
+    """Refuse rows whose commas may separate columns or decimals, decimals or thousands;
+    lines of names that fit settle the first.
+    """
+    cells = [cell for column in numbers for cell in column]
+    points = any("." in cell for cell in cells if ":" not in cell)
+    columns = len(layout.split(sample[-1]))
+    if layout.mark == "," and columns > 1 and not (layout.comma or named or points):
+        raise InputError(
+            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold "
+            f"{columns} columns, or fewer with decimal commas; "
+            "write decimal points, or a line of names above, one to a column, as 'time "
+            "(s),force (N)' (in Python say decimal=',' or delimiter=',', too)"
+        )
+    with_comma = [cell for cell in cells if "," in cell]
+    if layout.comma and all(map(_THOUSANDS_OR_LESS.fullmatch, with_comma)):
+        raise InputError(
+            f"cells such as {with_comma[0]!r} may hold thousands, or decimals behind a "
+            "comma: write no marks between thousands, or say --decimal ',' (in Python "
+            "decimal=',')"
+        )
+
+
+def _first_row(head: Numbered, numeric: list[int], fit: _Fit) -> int:
+    """Return the number of the first line that has a number in each column of them; a
+    few rows before a line of names belong to another table.
+    """
+    rows = list[int]()
     for i, line in head:
-        row = layout.split(line) if numeric and _ROW.match(line) else []
+        row = fit.layout.split(line) if numeric and _ROW.match(line) else []
         cells = [row[k] for k in numeric if k < len(row)]
-        if cells and layout.numbers(cells) == 1.0 and len(cells) == len(numeric):
-            return i
+        if len(cells) == len(numeric) > 0 and fit.layout.numbers(cells) == 1.0:
+            rows.append(i)
+        elif rows and count_named(fit.cells_above(line)) > 1:
+            rows.clear()
+        if len(rows) == FEWEST_READINGS:
+            break
+    if rows:
+        return rows[0]
     raise InputError(
         f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found no column of numbers "
         f"that begins by line {head[-1][0] + 1}; it should hold a column of forces"
     )
+
+
+def _repeated(
+    lines: _Lines, start: int, above: list[str], fit: _Fit, headings: list[Heading]
+) -> list[int]:
+    """Return the lines among the rows that begin as one above them does: the head of
+    another part of the data; `InputError` if it names another unit.
+    """
+    begins = {fit.layout.split(line.strip())[0].strip(' "') for line in above}
+    texts = [re.escape(each.encode()) for each in begins if re.search(r"[^\W\d]", each)]
+    if not texts:
+        return []
+    again = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
+    matches = again.finditer(lines.raw, lines.begins[start])
+    places = [match.start() + 1 for match in matches]
+    found = np.searchsorted(lines.begins, places).tolist()
+    for i in found:
+        cells = fit.cells_above(lines.line(i))
+        other = headings_of([cells], len(headings)) if cells else []
+        for known, new in zip(headings, other, strict=False):
+            if known.unit and new.unit and ratio(new.unit, known.unit) != 1.0:
+                raise InputError(
+                    f"line {i + 1}: {shortened(lines.line(i))!r} begins a table in "
+                    f"{new.unit}, no longer in {known.unit}: keep one of the two"
+                )
+    return found
 
 
 def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
@@ -329,7 +432,8 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _L
         raise refused("decimal", decimal, "must be '.' or ','")
     marks = [delimiter or ""]
     if delimiter is None:
-        marks = ["\t", ";", "|", ",", _BLANKS, _BEFORE_NUMBERS]
+        # commas first: 10,508.2 are two numbers, if nothing else parts the rows
+        marks = [",", "\t", ";", "|", _BLANKS, _BEFORE_NUMBERS]
         marks = [mark for mark in marks if mark != decimal]
     elif len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal:
         must = "must be one character, such as ';', and no decimal sign"
@@ -340,36 +444,22 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _L
     return max(layouts, key=lambda layout: layout.fit(some))
 
 
-def _as_wide(line: str, layout: _Layout, width: int) -> list[str]:
-    """The cells of a line above the table, one to a column; none if they are too
-    few.
+def step_stated(lines: Iterable[str], comma: bool = False) -> float | None:
+    """Sampling interval in s that lines such as "Sampling rate: 100 Hz" state; None if
+    they state none, or several.
     """
-    if layout.mark not in (_BLANKS, _BEFORE_NUMBERS):
-        # rows may leave out a last one for remarks, as LabVIEW's do
-        found = [layout.split(line)[:width]]
-    else:  # names may hold blanks: look for other marks first
-        found = [_Layout(other, False).split(line) for other in ",;\t" if other in line]
-        blanks = (r"\s{2,}", r"\s+(?![\[(])", r"\s+")
-        found += [re.split(each, line.strip()) for each in blanks]
-    return next((cells for cells in found if len(cells) == width), [])
-
-
-def _labview(
-    head: list[str], headings: list[Heading], numeric: list[int], layout: _Layout
-) -> float | None:
-    """Time step from the head of a LabVIEW measurement file; its units complete the
-    headings.
-    """
-    mark = "\t" if layout.mark.isspace() else layout.mark
-    entries = {
-        key: rest.split(mark)
-        for key, _, rest in (line.partition(mark) for line in head)
-    }
-    units = [unit.strip() for unit in entries.get("Y_Unit_Label", []) if unit.strip()]
-    forces = [i for i in numeric if headings[i].quantity != "time"]
-    for i, unit in zip(forces[-len(units) :], units, strict=False):
-        headings[i] = Heading(headings[i].name, headings[i].unit or unit)
-    return read_cell(entries.get("Delta_X", [""])[0], layout.comma)[0] or None
+    steps = set()
+    for line in lines:
+        found = _STATEMENT.match(line)
+        if found is None:
+            continue
+        key = Heading.read(found[1])
+        text = re.split(r'[\t;"]' if comma else r'[\t;",]', found[2])[0]
+        value, unit = read_cell(re.sub(r"[][()]", "", text), comma)
+        step = step_named(key.name, value or 0.0, unit or key.unit)
+        if step:
+            steps.add(step)
+    return steps.pop() if len(steps) == 1 else None
 
 
 def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:

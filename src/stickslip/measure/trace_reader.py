@@ -148,7 +148,7 @@ def read_trace(
             "velocity": velocity,
         }
         interval = seconds or table.step or 0.0
-        chosen, taken = choose(table, asked, timed=bool(interval))
+        chosen, taken = choose(table, asked, timed=bool(seconds))
         if seconds:
             chosen.pop("time", None)
             taken += _other_time(table, seconds)
@@ -352,15 +352,22 @@ def _put_in_turn(
     is_clock = ":" in table.line(line)
     are_tests = restarts and min(map(len, tests)) >= FEWEST_READINGS
     if back.size and (is_clock or not are_tests):
+        row = f"line {line}: time {times[back[0]]:g}"
+        if np.mean(np.diff(times[known]) == 0) > 0.5:
+            span = float(times[known[-1]] - times[known[0]])
+            raise InputError(
+                f"{row} is that of the row before, as on a clock that shows whole "
+                f"seconds: give the step instead (--step, or step=); {known.size} rows "
+                f"take {span:g} of its units"
+            )
         remedy = "sort the rows"
         if is_clock:
             remedy = (
                 "where a clock was set back, write times with their offset from UTC"
             )
         raise InputError(
-            f"line {line}: time {times[back[0]]:g} does not come after that of the row "
-            f"before; times must rise: {remedy}, or give the step instead (--step, or "
-            "step=)"
+            f"{row} does not come after that of the row before; times must rise: "
+            f"{remedy}, or give the step instead (--step, or step=)"
         )
     usual = np.nanmedian(np.diff(times))
     for at in back:
