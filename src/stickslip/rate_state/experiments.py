@@ -135,8 +135,9 @@ class Record(NamedTuple):
         if along is not None:
             place = rows[along].to_numpy()
             if "velocity" in along:
-                speed, length = length, length.partition("/")[0]
-                scale = ratio(speed, f"{length}/{clock}") or 1.0
+                speed = "rev/min" if length.lower() == "rpm" else length
+                length, _, per = speed.partition("/")
+                scale = ratio(clock, per) or 1.0
                 place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)
         units = (length, clock, unit.removeprefix("1"))
