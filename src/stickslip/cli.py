@@ -231,7 +231,7 @@ class BenchValues:
         contacts = self.contacts
         if contacts is not None:
             contacts = whole("--contacts", contacts, at_least=1, hint="their number")
-        from stickslip.measure.tables import read_cell
+        from stickslip.io.table_text import read_cell
 
         # a number with a unit is no column
         is_value = self.velocity is not None and bool(read_cell(self.velocity)[1])
@@ -461,7 +461,7 @@ def _quantity(
     """Read a quantity, bare in SI units, in a unit of the data; a plain number where
     the data have another unit.
     """
-    from stickslip.measure.headings import ratio
+    from stickslip.io.headings import ratio
     from stickslip.model.quantities import read_number, read_quantity
 
     if text is None:

@@ -11,16 +11,16 @@ import numpy as np
 
 from stickslip import words
 from stickslip.errors import InputError, printable, shown
-from stickslip.measure.headings import (
+from stickslip.io.headings import (
     Heading,
     Quantity,
     ratio,
     simple,
     unit_named,
 )
+from stickslip.io.table_files import read_table
+from stickslip.io.table_text import Table
 from stickslip.measure.part_table import aligned
-from stickslip.measure.table_files import read_table
-from stickslip.measure.tables import Table
 from stickslip.measure.trace import Array
 
 ColumnName = str | int | None

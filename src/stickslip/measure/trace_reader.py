@@ -16,12 +16,12 @@ from stickslip import words
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
-from stickslip.measure.clocks import DAY, are_days, unit_since_1970
+from stickslip.io.clocks import DAY, are_days, unit_since_1970
+from stickslip.io.headings import WEIGHTS, ratio, unit_named
+from stickslip.io.table_files import read_table
+from stickslip.io.table_text import Table, read_cell
 from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
-from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import Mask, far_outside, spikes
-from stickslip.measure.table_files import read_table
-from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
 

@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_trapezoid
 from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
 from stickslip.errors import InputError, instance, number, pair, whole
-from stickslip.measure.headings import ratio
+from stickslip.io.headings import ratio
 from stickslip.measure.trace import ERRORS, Array, dataset_of
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces

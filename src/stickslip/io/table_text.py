@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, refused, shortened
-from stickslip.measure.clocks import seconds_of, turn_of
-from stickslip.measure.headings import (
+from stickslip.io.clocks import seconds_of, turn_of
+from stickslip.io.headings import (
     Heading,
     count_named,
     headings_of,
@@ -29,13 +30,13 @@ from stickslip.measure.headings import (
     unit_named,
     with_coefficients,
 )
-from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import unit_size
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MOST_COLUMNS = 1000
+FEWEST_READINGS = 16  # in a table of a trace; also in a part of one
 _LONGEST_LINE = 65_536  # characters of a line that are looked at
 _SAMPLE = 400  # lines looked at to find out how a table is laid out
 _HEAD = 1000  # lines among which a table must start

@@ -173,7 +173,8 @@ class Heading(NamedTuple):
         if is_load or _is_friction_over_load(cell):
             return cls(cell)
         for found in _BEFORE_UNIT.finditer(cell):
-            heading = cls(cell[: found.start()], cell[found.end() :])
+            unit = cell[found.end() :].replace("_", "/")  # speed_mm_s
+            heading = cls(cell[: found.start()], unit)
             if heading.name and heading._unit_fits():
                 return heading
         return cls(cell)
@@ -268,8 +269,10 @@ def _are_units(row: Sequence[str], *, alone: bool) -> bool:
     """
     cells = [cell.strip("[]()") for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
-    decisive = {"force", "torque", "time", "length", "stress", "signal"} & {*kinds}
-    return bool(decisive) and len(kinds) >= (1.0 if alone else 0.5) * len(cells)
+    of_numbers = {"number", "percentage"}
+    return bool({*kinds} - of_numbers) and len(kinds) >= (1.0 if alone else 0.5) * len(
+        cells
+    )
 
 
 def _joined(name: str, unit: str) -> Heading:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, shortened
-from stickslip.measure.headings import Heading, with_coefficients
-from stickslip.measure.tables import MOST_COLUMNS, Table, read_text
-from stickslip.measure.trace import FEWEST_READINGS, Array
+from stickslip.io.headings import Heading, with_coefficients
+from stickslip.io.table_text import FEWEST_READINGS, MOST_COLUMNS, Table, read_text
 from stickslip.model.quantities import unit_size
 
 _ZIP = b"PK\x03\x04"
