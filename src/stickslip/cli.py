@@ -1034,6 +1034,7 @@ def surface(
         Write the rig.
     """
     from stickslip.io.rig_files import to_toml
+    from stickslip.words import engineering
 
     _check_outputs(output, picture=plot, read=heights)
     _check_suffix(output, "a rig", ".toml")
@@ -1054,7 +1055,13 @@ def surface(
     if output is not None:
         files.write(output, to_toml(machine).encode())
     _draw(plot, lambda: ss.plot.surface(found, estimate))
-    lines = [f"{heights.name}: {estimate}"]
+    nodes = " x ".join(str(size) for size in read.shape)
+    apart = engineering(float(read["x"][1]), "m")
+    rms = engineering(float(read.std()), "m")
+    lines = [
+        f"{heights.name}: {estimate}",
+        f"read: {nodes} nodes, {apart} apart, {rms} rms",
+    ]
     if output is not None and rig is None:
         lines.append("machine: the example pmma_slider; give yours by --rig")
     content = estimate.to_dict() | {"rig": plain(output)}

@@ -194,7 +194,7 @@ class _Fit(NamedTuple):
         return []
 
 
-def _as_utf8(raw: bytes) -> bytes:
+def as_utf8(raw: bytes) -> bytes:
     """The text of a file in UTF-8, its lines ended by a line feed."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or raw[1:2] == b"\0":
         raw = raw.decode("utf-16", errors="replace").encode()
@@ -264,7 +264,7 @@ def read_text(
     """Read the rows of numbers in a text, and their headings; `InputError` if there
     are none.
     """
-    raw = _as_utf8(raw)
+    raw = as_utf8(raw)
     octets = np.frombuffer(raw, dtype=np.uint8)
     lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
     labview, head = _without_header_of_labview(lines.head())
@@ -275,7 +275,7 @@ def read_text(
             "is empty, or holds blanks and comments only; it should hold a column of "
             "forces"
         )
-    layout = _layout(sample, delimiter, decimal)
+    layout = find_layout(sample, delimiter, decimal)
     cells = [layout.split(line) for line in sample]
     width = mode(map(len, cells))
     if width > MOST_COLUMNS:
@@ -427,7 +427,9 @@ def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
     return heading._replace(unit=unit)
 
 
-def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _Layout:
+def find_layout(
+    sample: list[str], delimiter: str | None = None, decimal: str | None = None
+) -> _Layout:
     """The layout by which most cells are numbers, and no number is left in a cell."""
     if decimal not in (None, ".", ","):
         raise refused("decimal", decimal, "must be '.' or ','")
