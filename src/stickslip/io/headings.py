@@ -163,7 +163,7 @@ class Heading(NamedTuple):
         last = brackets[-1] if brackets else None
         known = [each for each in brackets if _kind(each[1]) not in ("", "number")]
         if known or (last and last.start() and last.end() == len(cell)):
-            found = (known or brackets)[-1]
+            found = known[0] if known else brackets[-1]
             around = cell[: found.start()], cell[found.end() :]
             return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
         if cls("", cell)._unit_fits() and _kind(cell) == "time":
@@ -197,6 +197,8 @@ class Heading(NamedTuple):
         """
         kind = _kind(self.unit)
         named = _names_in(self.name)
+        if "aside" in named and kind in ("", *_TABLES["kinds"]["aside"]):
+            return "aside"
         if kind in ("", "signal"):
             return named[0] if named else ""
         # of friction, as its unit says

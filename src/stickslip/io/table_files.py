@@ -13,7 +13,13 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import InputError, shortened
 from stickslip.io.headings import Heading, with_coefficients
-from stickslip.io.table_text import FEWEST_READINGS, MOST_COLUMNS, Table, read_text
+from stickslip.io.table_text import (
+    FEWEST_READINGS,
+    MOST_COLUMNS,
+    Table,
+    read_text,
+    step_stated,
+)
 from stickslip.model.quantities import unit_size
 
 _ZIP = b"PK\x03\x04"
@@ -70,7 +76,11 @@ def _unpacked(raw: bytes) -> bytes:
     has a reader, stays as it is.
     """
     with suppress(zipfile.BadZipFile), zipfile.ZipFile(io.BytesIO(raw)) as archive:
-        files = [file for file in archive.infolist() if not file.is_dir()]
+        files = [
+            file
+            for file in archive.infolist()
+            if not (file.is_dir() or file.filename.startswith("__MACOSX"))
+        ]
         names = [file.filename for file in files]
         if "[Content_Types].xml" in names or names[0].endswith(".npy"):
             return raw
@@ -123,12 +133,13 @@ def _of_matlab(raw: bytes) -> Table:
 
 
 def _of_arrays(held: Mapping[str, Any]) -> Table:
-    """The columns of named arrays."""
+    """The columns of named arrays, and the step that a number among them states."""
     named = dict[str, Any]()
     for name, values in held.items():
         if not name.startswith("_") and isinstance(values, np.ndarray):
             named |= _columns_of(name, values)
-    return _of_named(named)
+    numbers = (f"{name} = {held[name]}" for name in held if np.ndim(held[name]) == 0)
+    return _of_named(named)._replace(step=step_stated(numbers))
 
 
 def _columns_of(name: str, values: Any) -> dict[str, Any]:

@@ -291,7 +291,9 @@ def read_text(
     above = [*labview, *(line for i, line in head if i < start)]
     named = [row for line in above if (row := fit.cells_above(line))]
     if not (delimiter or decimal):
-        _refuse_unclear_commas(layout, sample, [columns[i] for i in numeric], named)
+        first = layout.split(lines.line(start))  # 0,010 has no thousands
+        numbers = [cell for i in numeric for cell in (first[i], *columns[i])]
+        _refuse_unclear_commas(layout, sample, numbers, named)
     headings = headings_of(named, width)
     units = {}
     clocks = {i: turn_of(columns[i][0]) for i in numeric if ":" in columns[i][0]}
@@ -303,7 +305,7 @@ def read_text(
     quoted = '"' in "".join(sample)
     begins = lines.begins[start:-1]
     ends = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
-    again = _repeated(lines, start, above, fit, headings)
+    again = _repeated(lines, start, above, fit, headings, numeric)
     keep = ~np.isin(begins, [*ends, *lines.begins[again]])
 
     def read(places: list[int]) -> dict[int, Array]:
@@ -341,13 +343,12 @@ def _without_header_of_labview(head: Numbered) -> tuple[list[str], Numbered]:
 def _refuse_unclear_commas(
     layout: _Layout,
     sample: list[str],
-    numbers: list[tuple[str, ...]],
+    cells: list[str],
     named: list[list[str]],
 ) -> None:
     """Refuse rows whose commas may separate columns or decimals, decimals or thousands;
     lines of names that fit settle the first.
     """
-    cells = [cell for column in numbers for cell in column]
     points = any("." in cell for cell in cells if ":" not in cell)
     columns = len(layout.split(sample[-1]))
     if layout.mark == "," and columns > 1 and not (layout.comma or named or points):
@@ -389,7 +390,12 @@ def _first_row(head: Numbered, numeric: list[int], fit: _Fit) -> int:
 
 
 def _repeated(
-    lines: _Lines, start: int, above: list[str], fit: _Fit, headings: list[Heading]
+    lines: _Lines,
+    start: int,
+    above: list[str],
+    fit: _Fit,
+    headings: list[Heading],
+    numeric: list[int],
 ) -> list[int]:
     """Return the lines among the rows that begin as one above them does: the head of
     another part of the data; `InputError` if it names another unit.
@@ -398,20 +404,26 @@ def _repeated(
     texts = [re.escape(each.encode()) for each in begins if re.search(r"[^\W\d]", each)]
     if not texts:
         return []
-    again = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
-    matches = again.finditer(lines.raw, lines.begins[start])
+    begin = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
+    matches = begin.finditer(lines.raw, lines.begins[start])
     places = [match.start() + 1 for match in matches]
-    found = np.searchsorted(lines.begins, places).tolist()
-    for i in found:
-        cells = fit.cells_above(lines.line(i))
+    again = []
+    for i in np.searchsorted(lines.begins, places).tolist():
+        line = lines.line(i)
+        row = fit.layout.split(line)
+        numbers = [row[k] for k in numeric if k < len(row)]
+        if len(numbers) > 1 and fit.layout.numbers(numbers) == 1.0:
+            continue  # a row with a remark
+        cells = fit.cells_above(line)
         other = headings_of([cells], len(headings)) if cells else []
         for known, new in zip(headings, other, strict=False):
             if known.unit and new.unit and ratio(new.unit, known.unit) != 1.0:
                 raise InputError(
-                    f"line {i + 1}: {shortened(lines.line(i))!r} begins a table in "
+                    f"line {i + 1}: {shortened(line)!r} begins a table in "
                     f"{new.unit}, no longer in {known.unit}: keep one of the two"
                 )
-    return found
+        again.append(i)
+    return again
 
 
 def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
