@@ -430,7 +430,8 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
         run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(
-                f"{data}: is not a run: it has no spring_force along a time"
+                f"{data}: is not a run, as it has no spring_force along a time; of a "
+                "measured trace write the columns as .csv"
             )
         columns.refuse(data, "a run", **more)
         return columns.cut(run)

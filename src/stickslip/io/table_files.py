@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.arrays import Array
 from stickslip.errors import InputError, shortened
 from stickslip.io.headings import Heading, with_coefficients
 from stickslip.io.table_text import (
@@ -159,14 +158,11 @@ def _of_named(
     """Named columns of numbers or dates, those of the length that most of them have;
     their headings, if these are not their names.
     """
-    long = dict[str, Array]()
-    for name, values in named.items():
-        if values.size < FEWEST_READINGS or values.dtype.kind not in "fiuM":
-            continue
-        if values.dtype.kind == "M":  # dates
-            long[name] = (values - values[0]) / np.timedelta64(1, "s")
-        else:
-            long[name] = np.array(values, dtype=float)
+    long = {
+        name: np.array(_since_first(values), dtype=float)
+        for name, values in named.items()
+        if values.dtype.kind in "fiuM" and values.size >= FEWEST_READINGS
+    }
     if not long:
         raise InputError(
             f"holds no column of numbers with at least {FEWEST_READINGS} of them"
@@ -191,6 +187,13 @@ def _of_named(
         "sample {}".format,
         notes=_left_out(read.format(length), kind, left),
     )
+
+
+def _since_first(values: Any) -> Any:
+    """Dates in s since the first of them; numbers as they are."""
+    if values.dtype.kind != "M":
+        return values
+    return (values - values[0]) / np.timedelta64(1, "s")
 
 
 def _of_spreadsheet(raw: bytes) -> Table:

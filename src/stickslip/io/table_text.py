@@ -290,10 +290,10 @@ def read_text(
     start = _first_row(head, numeric, fit)
     above = [*labview, *(line for i, line in head if i < start)]
     named = [row for line in above if (row := fit.cells_above(line))]
-    if not (delimiter or decimal):
+    if not decimal:
         first = layout.split(lines.line(start))  # 0,010 has no thousands
         numbers = [cell for i in numeric for cell in (first[i], *columns[i])]
-        _refuse_unclear_commas(layout, sample, numbers, named)
+        _refuse_unclear_commas(layout, sample, numbers, bool(named or delimiter))
     headings = headings_of(named, width)
     units = {}
     clocks = {i: turn_of(columns[i][0]) for i in numeric if ":" in columns[i][0]}
@@ -344,14 +344,14 @@ def _refuse_unclear_commas(
     layout: _Layout,
     sample: list[str],
     cells: list[str],
-    named: list[list[str]],
+    separates: bool,
 ) -> None:
-    """Refuse rows whose commas may separate columns or decimals, decimals or thousands;
-    lines of names that fit settle the first.
+    """Refuse rows whose commas may separate columns or decimals, unless it is known
+    that they separate columns, and those that may have decimals or thousands.
     """
     points = any("." in cell for cell in cells if ":" not in cell)
     columns = len(layout.split(sample[-1]))
-    if layout.mark == "," and columns > 1 and not (layout.comma or named or points):
+    if layout.mark == "," and columns > 1 and not (layout.comma or separates or points):
         raise InputError(
             f"rows such as {shortened(sample[len(sample) // 2])!r} may hold "
             f"{columns} columns, or fewer with decimal commas; "
@@ -404,8 +404,8 @@ def _repeated(
     texts = [re.escape(each.encode()) for each in begins if re.search(r"[^\W\d]", each)]
     if not texts:
         return []
-    begin = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
-    matches = begin.finditer(lines.raw, lines.begins[start])
+    head = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
+    matches = head.finditer(lines.raw, lines.begins[start])
     places = [match.start() + 1 for match in matches]
     again = []
     for i in np.searchsorted(lines.begins, places).tolist():
@@ -414,6 +414,7 @@ def _repeated(
         numbers = [row[k] for k in numeric if k < len(row)]
         if len(numbers) > 1 and fit.layout.numbers(numbers) == 1.0:
             continue  # a row with a remark
+        again.append(i)
         cells = fit.cells_above(line)
         other = headings_of([cells], len(headings)) if cells else []
         for known, new in zip(headings, other, strict=False):
@@ -422,7 +423,6 @@ def _repeated(
                     f"line {i + 1}: {shortened(line)!r} begins a table in "
                     f"{new.unit}, no longer in {known.unit}: keep one of the two"
                 )
-        again.append(i)
     return again
 
 
