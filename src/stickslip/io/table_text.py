@@ -359,7 +359,8 @@ def _refuse_unclear_commas(
             "(s),force (N)' (in Python say decimal=',' or delimiter=',', too)"
         )
     with_comma = [cell for cell in cells if "," in cell]
-    if layout.comma and all(map(_THOUSANDS_OR_LESS.fullmatch, with_comma)):
+    are_groups = map(_THOUSANDS_OR_LESS.fullmatch, with_comma)
+    if layout.comma and with_comma and all(are_groups):
         raise InputError(
             f"cells such as {with_comma[0]!r} may hold thousands, or decimals behind a "
             "comma: write no marks between thousands, or say --decimal ',' (in Python "

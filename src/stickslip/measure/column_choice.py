@@ -150,10 +150,11 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
         named = [i for i in found if table.headings[i].is_named]
         if found:
             return named or found
-    unnamed = table.read(_unnamed(table, free)) if name == "force" else {}
-    if name == "force" and all(map(_is_a_count, unnamed.values())):
-        return [i for i in free if _is_pulled_with(table.headings[i])]
-    return []
+    pulled = [i for i in free if _is_pulled_with(table.headings[i])]
+    if name != "force" or not pulled:
+        return []
+    others = table.read(_unnamed(table, free)).values()
+    return pulled if all(map(_is_a_count, others)) else []
 
 
 def _is_pulled_with(heading: Heading) -> bool:
