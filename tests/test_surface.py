@@ -321,6 +321,7 @@ BAD_FILES = {
     "axes": ("map.asc", AXES, {"unit": "um"}, "the first column rises evenly"),
     "points": ("map.csv", "1 2 3\n" * 40, {"unit": "um"}, "40 rows of 3 .* are points"),
     "oblong": ("map.asc", OBLONG, {"unit": "um"}, "pixels must be square"),
+    "cut off": ("map.npz", "PK\x03\x04", {}, "cannot be read as a map of heights"),
     "instrument": ("map.opd", "x", {}, r"pip install 'stickslip\[surface\]'"),
 }
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from statistics import mode
@@ -22,6 +23,8 @@ from stickslip.io.table_text import (
 from stickslip.model.quantities import unit_size
 
 _ZIP = b"PK\x03\x04"
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
+"""Errors of an archive that is damaged, or locked by a password."""
 _HEAD_OF_ZIP = 100  # bytes that hold the name of its first file
 _LARGEST = 100_000_000  # bytes of an unpacked file
 _EXPORTED = {
@@ -74,7 +77,7 @@ def _unpacked(raw: bytes) -> bytes:
     """The only file that a zip archive holds; what is no such archive, or is one that
     has a reader, stays as it is.
     """
-    with suppress(zipfile.BadZipFile), zipfile.ZipFile(io.BytesIO(raw)) as archive:
+    with suppress(*DAMAGED), zipfile.ZipFile(io.BytesIO(raw)) as archive:
         files = [
             file
             for file in archive.infolist()

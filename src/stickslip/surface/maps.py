@@ -22,6 +22,7 @@ from scipy import fft
 from stickslip.arrays import Array
 from stickslip.errors import SMALLEST, InputError, instance, refused, shown, whole
 from stickslip.io import files
+from stickslip.io.table_files import DAMAGED
 from stickslip.io.table_text import as_utf8, find_layout
 from stickslip.model.quantities import read_value
 from stickslip.surface.halfspace import wave_numbers
@@ -331,7 +332,7 @@ def read(
         values, about = reader(path)
     except InputError:
         raise
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, *DAMAGED) as error:
         raise InputError(
             f"{path}: cannot be read as a map of heights ({error}); write rows of "
             "numbers, or numpy.savez(file, height=..., spacing=..., unit='um')"
@@ -366,7 +367,8 @@ def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
 
 def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
     """The heights of an archive of arrays, and its scalars."""
-    with np.load(path) as archive:
+    raw = files.read(path, "map of heights", largest=LARGEST_FILE)
+    with np.load(io.BytesIO(raw)) as archive:
         names = archive.files
         flat = [name for name in names if archive[name].ndim == 2]
         chosen = "height" if "height" in names else flat[0] if len(flat) == 1 else ""
