@@ -180,8 +180,9 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
         return [], []
     first = numbers[even[0]]
     since = [_seconds_since_first(numbers[i], table.headings[i].unit) for i in even]
-    apart = max(float(np.nanmax(np.abs(each - since[0]))) for each in since)
-    if apart > _UNEVEN * float(np.nanmedian(np.diff(since[0]))):
+    steps = np.diff(since[0][np.isfinite(since[0])])
+    most = _UNEVEN * float(np.median(steps))
+    if any(np.any(np.abs(each - since[0]) > most) for each in since):
         return even, []
     if _is_a_count(first):
         return [], []
@@ -196,8 +197,9 @@ def _is_a_count(values: Array) -> bool:
 
 def _seconds_since_first(times: Array, unit: str) -> Array:
     """Times since the first one, in s where their unit is known."""
-    known = times[np.isfinite(times)]
-    return np.asarray((times - known[0]) * (ratio(unit, "s") or 1.0))
+    known = np.where(np.isfinite(times), times, np.nan)
+    first = known[np.isfinite(known)][0]
+    return np.asarray((known - first) * (ratio(unit, "s") or 1.0))
 
 
 def rises_evenly(values: Array) -> bool:
