@@ -233,13 +233,14 @@ class _Lines(NamedTuple):
         several.
         """
         found = []
-        i = 0
-        while i < min(self.total, _HEAD):
+        end = 0
+        for i in range(min(self.total, _HEAD)):
+            if i < end:
+                continue
             end = self._end_of_cells(i)
             line = " ".join(map(self.line, range(i, end)))
             if line.strip():
                 found.append((i, line))
-            i = end
         return found
 
     def _end_of_cells(self, begin: int) -> int:
