@@ -160,10 +160,10 @@ class Heading(NamedTuple):
         """
         cell = cell.strip(' "\t')
         brackets = [*_BRACKET.finditer(cell.translate(_ROUND))]
-        last = brackets[-1] if brackets else None
         known = [each for each in brackets if _kind(each[1]) not in ("", "number")]
-        if known or (last and last.start() and last.end() == len(cell)):
-            found = known[0] if known else brackets[-1]
+        at_end = [each for each in brackets if each.end() == len(cell) > len(each[0])]
+        if known or at_end:
+            found = (known or at_end)[0]
             around = cell[: found.start()], cell[found.end() :]
             return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
         if cls("", cell)._unit_fits() and _kind(cell) == "time":
@@ -236,7 +236,7 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     """
     plain = [[_text_of(cell) for cell in row] for row in rows]
     labelled = [
-        row for row, given in zip(plain, rows, strict=True) if row[0] != given[0]
+        row for row, given in zip(plain, rows, strict=True) if _has_label(given)
     ]
     plain = [row for row in plain if any(row)]
     near = plain[-_MOST_ROWS:]
@@ -257,6 +257,11 @@ def count_named(row: Sequence[str]) -> int:
     return sum(bool(Heading.read(cell).quantity) for cell in row)
 
 
+def _has_label(row: Sequence[str]) -> bool:
+    """Whether a line begins with a word for what it holds, such as "Unit"."""
+    return simple(row[0].strip(' "\t')) in _LABELS
+
+
 def _text_of(cell: str) -> str:
     """Return the text of a cell above a column; nothing, if it underlines, or labels
     its row.
@@ -271,10 +276,9 @@ def _are_units(row: Sequence[str], *, alone: bool) -> bool:
     """
     cells = [cell.strip("[]()") for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
-    of_numbers = {"number", "percentage"}
-    return bool({*kinds} - of_numbers) and len(kinds) >= (1.0 if alone else 0.5) * len(
-        cells
-    )
+    are_quantities = not {*kinds} <= {"number", "percentage"}
+    needed = len(cells) if alone else 0.5 * len(cells)
+    return are_quantities and len(kinds) >= needed
 
 
 def _joined(name: str, unit: str) -> Heading:
@@ -290,11 +294,10 @@ def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
     """Give a column "friction" without a unit the unit 1: where other columns have
     units, it is a coefficient.
     """
-    if sum(bool(unit) for _, unit in headings) < 2:
-        return [*headings]
+    have_units = sum(bool(unit) for _, unit in headings) >= 2
     return [
-        Heading(name, unit or "1")
-        if simple(name) == "friction"
-        else Heading(name, unit)
+        Heading(
+            name, unit or "1" if have_units and simple(name) == "friction" else unit
+        )
         for name, unit in headings
     ]
