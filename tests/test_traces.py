@@ -40,7 +40,7 @@ def rows(form, forces=FORCES, changes=None):
 def in_parts(form, head=""):
     """Lines of a table in two parts, the second below a head of its own."""
     lines = rows(form).splitlines(keepends=True)
-    head = head or LABVIEW.split("***\t\n\t\n")[1]
+    head = head or "\n" + LABVIEW.split("***\t\n\t\n")[1]
     return "".join([*lines[:30], head, *lines[30:]])
 
 
@@ -152,6 +152,7 @@ Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力
         ("Name,b\nSampling rate: 4 Hz\nForce (N)\n" + NUMBERS, {}),
         ("Interval,0.25\nVertical Units,kN\nLabel,\nTIME,CH1\n" + PAIRS, KN),
         (LABVIEW.format(columns="One") + in_parts("{t:.6f}\t{f:.6f}\t"), KN),
+        (LABVIEW.format(columns="No") + in_parts("\t{f:.6f}\t"), KN),
         ("t,F\ns,kN\n" + in_parts("{t},{f}", "t,F\ns,kN\n"), KN),
         ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
@@ -640,16 +641,16 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     matlab.savemat(tmp_path / "b.mat", {"run": {"time": t, "friction": SAW}})
     in_units = {"time_ms": 1e3 * t, "force_kN": 1e-3 * SAW}
     matlab.savemat(tmp_path / "c.mat", in_units)
-    np.savez(tmp_path / "c.npz", **in_units)
+    np.savez(tmp_path / "c.npz", force_kN=1e-3 * SAW, Fs=100.0)
     with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
         archive.writestr("c.csv", table("t_ms,F_kN", *in_units.values()))
     for name in ("a.npy", "a.mat", "b.mat", "c.mat", "c.npz", "c.zip"):
         found = read_trace(tmp_path / name)
         force, times = found["spring_force"], found["time"]
-        assert (times.attrs["units"] == "ms") == (name[0] == "c")
+        assert (force.attrs["units"] == "kN") == (name[0] == "c")
         size = {"N": 1.0, "kN": 1e3}[force.attrs["units"]]
         assert size * force.values == pytest.approx(SAW)
-        assert times.values == pytest.approx(t if size == 1.0 else 1e3 * t)
+        assert times.values == pytest.approx({"s": t, "ms": 1e3 * t}[times.units])
     with zipfile.ZipFile(tmp_path / "c.zip", "a") as archive:
         archive.writestr("notes.txt", "bench 7")
     with pytest.raises(InputError, match=r"zip: c\.csv, notes\.txt; unpack it first"):

@@ -40,6 +40,7 @@ _MOST_ROWS = 3  # lines above a table that may name its columns
 _MOST_WORDS = max(name.count(" ") for name in _NAMED) + 1
 _LABELS = frozenset(_TABLES["labels"]["rows"].split(", "))
 _TORQUES = frozenset(_TABLES["labels"]["torques"].split(", "))
+_TIMES_ALONE = frozenset(_TABLES["labels"]["times"].split(", "))
 _TIMES = " *·.-"  # between the units of a product: N m, N·m, ft-lb
 
 # brackets of all kinds, wide ones of East Asia too, to round ones
@@ -166,7 +167,7 @@ class Heading(NamedTuple):
             found = (known or at_end)[0]
             around = cell[: found.start()], cell[found.end() :]
             return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
-        if cls("", cell)._unit_fits() and _kind(cell) == "time":
+        if simple(cell) in _TIMES_ALONE:
             return cls(cell, cell)
         # F_N is the normal force, and no force in N; F/N is one (ISO 80000)
         is_load = "/" not in cell and _NAMED.get(simple(cell)) == "load"
@@ -186,7 +187,7 @@ class Heading(NamedTuple):
         kind = _kind(self.unit)
         named = _names_in(self.name)
         if named:
-            return kind in _TABLES["kinds"].get(named[0], ())
+            return any(kind in _TABLES["kinds"].get(each, ()) for each in named)
         is_minimum = self.unit.lower() == "min"
         return kind in _SURE and len(self.unit) > 1 and not is_minimum
 

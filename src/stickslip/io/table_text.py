@@ -11,7 +11,6 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from itertools import chain
 from statistics import mode
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -147,12 +146,13 @@ class _Layout(NamedTuple):
 
     def fit(self, lines: list[str]) -> tuple[bool, float]:
         """Return two measures of how well it parts lines: whether few of them hold a
-        number within a cell beside another mark, and the fraction of the cells that are
-        numbers.
+        number within a cell beside another mark, and the fraction of the cells of a
+        line that are numbers, on average.
         """
         rows = [self.split(line)[:_LOOKED_AT] for line in lines]
         cut = sum(any(map(self._is_cut, row)) for row in rows)
-        return 2 * cut < len(rows), self.numbers(chain(*rows))
+        # by lines: a line of text counts alike, however many words it has
+        return 2 * cut < len(rows), sum(map(self.numbers, rows)) / len(rows)
 
     def _is_cut(self, cell: str) -> bool:
         """Whether a number stands within a cell beside another mark."""
@@ -406,7 +406,7 @@ def _repeated(
     texts = [re.escape(each.encode()) for each in begins if re.search(r"[^\W\d]", each)]
     if not texts:
         return []
-    head = re.compile(rb'\n[\s"]*(?:' + b"|".join(texts) + rb")(?!\w)")
+    head = re.compile(rb'\n[^\S\n]*"?(?:' + b"|".join(texts) + rb")(?!\w)")
     matches = head.finditer(lines.raw, lines.begins[start])
     places = [match.start() + 1 for match in matches]
     again = []
