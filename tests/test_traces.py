@@ -437,6 +437,11 @@ def test_sheets_and_channels_left_out_are_noted(tmp_path):
     write_tdms(tmp_path / "runs.tdms", channels)
     note = read_trace(tmp_path / "runs.tdms").attrs["note"]
     assert "1 other channel with numbers left out: Run 1/Force B" in note
+    text = "Peak;COF\n7.1;0.3\n\nt (s);F (N)\n" + in_parts("{t};{f}", "t (s);F (N)\n")
+    note = read_trace(written(tmp_path, text)).attrs["note"]
+    assert note.startswith(
+        "rows of numbers above the table, left out: 1; lines that rep"
+    )
 
 
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "": 1.0, "Hz": None}

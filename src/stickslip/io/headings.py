@@ -246,7 +246,7 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
         near = plain[max(full[-1] - 1, 0) : full[-1] + 2] if full else near
     names = units = [""] * width
     for row in [*labelled, *near]:
-        if _are_units(row, alone=len(plain) == 1):
+        if are_units(row, alone=len(plain) == 1):
             units = row
         else:
             names = row
@@ -268,14 +268,15 @@ def _text_of(cell: str) -> str:
     its row.
     """
     text = cell.strip(' "\t')
-    return "" if simple(text) in _LABELS or not re.search(r"[^-=_*~\s]", text) else text
+    is_line = re.match(r"\*\*\*|[-=_*~\s]*$", text)  # or the end of LabVIEW's head
+    return "" if is_line or simple(text) in _LABELS else text
 
 
-def _are_units(row: Sequence[str], *, alone: bool) -> bool:
+def are_units(row: Sequence[str], *, alone: bool = False) -> bool:
     """Whether at least half of the cells of a line are units, or all cells where no
     line of names is beside it.
     """
-    cells = [cell.strip("[]()") for cell in row if cell]
+    cells = [cell.strip('[]()" ') for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
     are_quantities = not {*kinds} <= {"number", "percentage"}
     needed = len(cells) if alone else 0.5 * len(cells)

@@ -22,6 +22,7 @@ from stickslip.errors import InputError, refused, shortened
 from stickslip.io.clocks import seconds_of, turn_of
 from stickslip.io.headings import (
     Heading,
+    are_units,
     count_named,
     headings_of,
     ratio,
@@ -169,9 +170,15 @@ class _Fit(NamedTuple):
     narrowest: int
     width: int
 
+    def is_full(self, line: str, numeric: list[int]) -> bool:
+        """Whether a line has a number in each of the columns of numbers."""
+        row = self.layout.split(line) if numeric and _ROW.match(line) else []
+        cells = [row[k] for k in numeric if k < len(row)]
+        return len(cells) == len(numeric) > 0 and self.layout.numbers(cells) == 1.0
+
     def cells_above(self, line: str) -> list[str]:
-        """The texts of a line above the table, one to a column; none if these are too
-        few, or all are numbers.
+        """The names or units in a line above the table, one to a column; none if these
+        are too few, or there is a number among them.
         """
         mark = self.layout.mark
         # the marks of a comment, but no column without a name
@@ -188,7 +195,7 @@ class _Fit(NamedTuple):
         for cells in found:
             # rows may leave out a last one for remarks, as LabVIEW's do
             row = cells[: self.width] + [""] * (self.width - len(cells))
-            is_text = self.layout.numbers(row, none=1.0) < 1.0
+            is_text = not self.layout.numbers(row, none=1.0) or are_units(row)
             if len(cells) >= self.narrowest and is_text:
                 return row
         return []
@@ -268,7 +275,7 @@ def read_text(
     raw = as_utf8(raw)
     octets = np.frombuffer(raw, dtype=np.uint8)
     lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
-    labview, head = _without_header_of_labview(lines.head())
+    head = lines.head()
     # there may be text above: rows are looked for in the last third of a head
     sample = lines.sample((2 * head[0][0] + lines.total) // 3) if head else []
     if not sample:
@@ -288,8 +295,8 @@ def read_text(
     numeric = [i for i, column in enumerate(columns) if layout.numbers(column) >= 0.5]
     filled = [i for i, column in enumerate(columns) if any(map(str.strip, column))]
     fit = _Fit(layout, max(filled, default=0) + 1, width)
-    start = _first_row(head, numeric, fit)
-    above = [*labview, *(line for i, line in head if i < start)]
+    start = _first_row(head, numeric, fit, blank=filled[0] if filled else 0)
+    above = [line for i, line in head if i < start]
     named = [row for line in above if (row := fit.cells_above(line))]
     if not decimal:
         first = layout.split(lines.line(start))  # 0,010 has no thousands
@@ -309,6 +316,12 @@ def read_text(
     again = _repeated(lines, start, above, fit, headings, numeric)
     keep = ~np.isin(begins, [*ends, *lines.begins[again]])
 
+    others = sum(fit.is_full(line, numeric) for line in above) if numeric[1:] else 0
+    notes = {
+        f"rows of numbers above the table, left out: {others}": others,
+        f"lines that repeat the head, left out: {len(again)}": len(again),
+    }
+
     def read(places: list[int]) -> dict[int, Array]:
         cells = _cells(lines, start, [*places, width], layout, quoted=quoted)
         surplus = _is_surplus(cells.pop(width), layout.comma)
@@ -327,18 +340,8 @@ def read_text(
         np.flatnonzero(keep) + start + 1,
         lambda row: lines.line(row - 1).strip(),
         step_stated(above, layout.comma),
-        (f"{len(again)} lines that repeat the head are left out",) if again else (),
+        tuple(note for note, count in notes.items() if count),
     )
-
-
-def _without_header_of_labview(head: Numbered) -> tuple[list[str], Numbered]:
-    """Part the header of a LabVIEW file and of the first part of its data, empty where
-    there is none, from the rest.
-    """
-    lines = [line for _, line in head]
-    ends = [k for k, line in enumerate(lines, 1) if line.startswith("***End_of_Header")]
-    end = ends[:2][-1] if ends else 0
-    return lines[:end], head[end:]
 
 
 def _refuse_unclear_commas(
@@ -369,15 +372,14 @@ def _refuse_unclear_commas(
         )
 
 
-def _first_row(head: Numbered, numeric: list[int], fit: _Fit) -> int:
-    """Return the number of the first line that has a number in each column of them; a
-    few rows before a line of names belong to another table.
+def _first_row(head: Numbered, numeric: list[int], fit: _Fit, *, blank: int) -> int:
+    """Return the number of the first line that has a number in each column of them, and
+    nothing in the `blank` ones before them; a few rows before a line of names belong to
+    another table.
     """
     rows = list[int]()
     for i, line in head:
-        row = fit.layout.split(line) if numeric and _ROW.match(line) else []
-        cells = [row[k] for k in numeric if k < len(row)]
-        if len(cells) == len(numeric) > 0 and fit.layout.numbers(cells) == 1.0:
+        if fit.is_full(line, numeric) and not any(fit.layout.split(line)[:blank]):
             rows.append(i)
         elif rows and count_named(fit.cells_above(line)) > 1:
             rows.clear()
