@@ -129,8 +129,6 @@ def _names_in(name: str) -> list[Quantity]:
     A single letter counts only where it stands alone, or behind the name of an
     instrument: ``DAQ.F``.
     """
-    if _is_friction_over_load(name):
-        return ["coefficient"]
     parts = [simple(name), simple(re.split(r"[./:]", name.strip())[-1])]
     words = parts[0].partition(" of the ")[0].split()
     for count in range(min(len(words), _MOST_WORDS), 0, -1):
@@ -139,13 +137,6 @@ def _names_in(name: str) -> list[Quantity]:
             if len(part) > 1:
                 parts.append(part)
     return [_NAMED[part] for part in parts if part in _NAMED]
-
-
-def _is_friction_over_load(name: str) -> bool:
-    """Whether a name is a ratio such as Ft/Fn."""
-    above, _, below = name.partition("/")
-    quantities = [_NAMED.get(simple(each)) for each in (above, below)]
-    return quantities == ["force", "load"]
 
 
 class Heading(NamedTuple):
@@ -169,9 +160,10 @@ class Heading(NamedTuple):
             return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
         if simple(cell) in _TIMES_ALONE:
             return cls(cell, cell)
-        # F_N is the normal force, and no force in N; F/N is one (ISO 80000)
-        is_load = "/" not in cell and _NAMED.get(simple(cell)) == "load"
-        if is_load or _is_friction_over_load(cell):
+        # F_N is the normal force, and no force in N; F/N is one (ISO 80000); F_T/F_N is
+        # a coefficient
+        whole = _NAMED.get(simple(cell))
+        if whole == "coefficient" or (whole == "load" and "/" not in cell):
             return cls(cell)
         for found in _BEFORE_UNIT.finditer(cell):
             unit = cell[found.end() :].replace("_", "/")  # speed_mm_s

@@ -162,19 +162,23 @@ class _Layout(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """How lines above a table fit to its columns: their layout, the number of columns,
-    and that of those up to the last one that is not always blank.
+    """How lines fit to the columns of a table: their layout, the columns of numbers,
+    how many are always blank before the first, how many reach to the last that is not,
+    and how many there are.
     """
 
     layout: _Layout
+    numeric: list[int]
+    blank: int
     narrowest: int
     width: int
 
-    def is_full(self, line: str, numeric: list[int]) -> bool:
+    def is_full(self, line: str) -> bool:
         """Whether a line has a number in each of the columns of numbers."""
-        row = self.layout.split(line) if numeric and _ROW.match(line) else []
-        cells = [row[k] for k in numeric if k < len(row)]
-        return len(cells) == len(numeric) > 0 and self.layout.numbers(cells) == 1.0
+        row = self.layout.split(line) if _ROW.match(line) else []
+        cells = [row[k] for k in self.numeric if k < len(row)]
+        is_whole = len(cells) == len(self.numeric) > 0
+        return is_whole and self.layout.numbers(cells) == 1.0
 
     def cells_above(self, line: str) -> list[str]:
         """The names or units in a line above the table, one to a column; none if these
@@ -293,9 +297,11 @@ def read_text(
         )
     columns = [*zip(*(row for row in cells if len(row) == width), strict=True)]
     numeric = [i for i, column in enumerate(columns) if layout.numbers(column) >= 0.5]
-    filled = [i for i, column in enumerate(columns) if any(map(str.strip, column))]
-    fit = _Fit(layout, max(filled, default=0) + 1, width)
-    start = _first_row(head, numeric, fit, blank=filled[0] if filled else 0)
+    filled = [i for i, column in enumerate(columns) if any(map(str.strip, column))] or [
+        0
+    ]
+    fit = _Fit(layout, numeric, filled[0], filled[-1] + 1, width)
+    start = _first_row(head, fit)
     above = [line for i, line in head if i < start]
     named = [row for line in above if (row := fit.cells_above(line))]
     if not decimal:
@@ -313,10 +319,10 @@ def read_text(
     quoted = '"' in "".join(sample)
     begins = lines.begins[start:-1]
     ends = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
-    again = _repeated(lines, start, above, fit, headings, numeric)
+    again = _repeated(lines, start, above, fit, headings)
     keep = ~np.isin(begins, [*ends, *lines.begins[again]])
 
-    others = sum(fit.is_full(line, numeric) for line in above) if numeric[1:] else 0
+    others = sum(map(fit.is_full, above)) if len(numeric) > 1 else 0
     notes = {
         f"rows of numbers above the table, left out: {others}": others,
         f"lines that repeat the head, left out: {len(again)}": len(again),
@@ -372,14 +378,14 @@ def _refuse_unclear_commas(
         )
 
 
-def _first_row(head: Numbered, numeric: list[int], fit: _Fit, *, blank: int) -> int:
+def _first_row(head: Numbered, fit: _Fit) -> int:
     """Return the number of the first line that has a number in each column of them, and
-    nothing in the `blank` ones before them; a few rows before a line of names belong to
+    nothing in blank ones before them; a few rows before a line of names belong to
     another table.
     """
     rows = list[int]()
     for i, line in head:
-        if fit.is_full(line, numeric) and not any(fit.layout.split(line)[:blank]):
+        if fit.is_full(line) and not any(fit.layout.split(line)[: fit.blank]):
             rows.append(i)
         elif rows and count_named(fit.cells_above(line)) > 1:
             rows.clear()
@@ -399,7 +405,6 @@ def _repeated(
     above: list[str],
     fit: _Fit,
     headings: list[Heading],
-    numeric: list[int],
 ) -> list[int]:
     """Return the lines among the rows that begin as one above them does: the head of
     another part of the data; `InputError` if it names another unit.
@@ -414,9 +419,7 @@ def _repeated(
     again = []
     for i in np.searchsorted(lines.begins, places).tolist():
         line = lines.line(i)
-        row = fit.layout.split(line)
-        numbers = [row[k] for k in numeric if k < len(row)]
-        if len(numbers) > 1 and fit.layout.numbers(numbers) == 1.0:
+        if len(fit.numeric) > 1 and fit.is_full(line):
             continue  # a row with a remark
         again.append(i)
         cells = fit.cells_above(line)
