@@ -54,7 +54,7 @@ def unit_named(text: str) -> tuple[str, float] | None:
     """Kind of quantity and size in SI units of a unit that instruments write; None
     if it is not one of these.
     """
-    plain = text.strip(" .")
+    plain = text.strip(" .·")
     # Nm is no nanometre, but Newton and MIN mean the same in small letters
     return (
         _simple_unit(plain)
