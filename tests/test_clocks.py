@@ -17,6 +17,10 @@ _FORMS = {
     "%Y/%m/%d %H:%M:%S": "Z",
     "%Y-%m-%d %H:%M:%S,%f": " -0530",
     "%m/%d/%Y %I:%M:%S %p": "",
+    "%d/%m/%Y %H:%M:%S": "",
+    "%d-%b-%Y %H:%M:%S": "",
+    "%b %d, %Y %I:%M:%S.%f %p": "",
+    "%H:%M:%S:000": "",
     "%I:%M:%S %p": "",
     "%M:%S.%f": "",
     "run0.dat;%H:%M:%S": "",
@@ -72,8 +76,9 @@ def test_the_offset_decides_the_order_across_a_change_of_the_clock(tmp_path):
     assert "sort" not in str(refused.value)
 
 
-def test_days_of_a_spreadsheet_are_seconds(tmp_path):
-    stamps = [f"{46000.123 + i / 86_400:.10f}" for i in range(_FORCES.size)]
+@pytest.mark.parametrize("day", [46000.123, 740316.1])
+def test_days_of_a_spreadsheet_are_seconds(tmp_path, day):
+    stamps = [f"{day + i / 86_400:.10f}" for i in range(_FORCES.size)]
     trace = read_trace(_table(tmp_path, stamps, ";", False))
     assert np.allclose(trace["time"], np.arange(_FORCES.size), atol=1e-4)
     assert "taken for days" in trace.attrs["note"]

@@ -250,12 +250,13 @@ def test_a_rig_of_a_curve_is_written_and_read_again(own):
     assert own == ("[interface.ageing]" not in to_toml(rig, own=own))
 
 
-def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
+@pytest.mark.parametrize(("marks", "encoding"), [(",.", "utf-8"), (";,", "utf-16")])
+def test_forces_in_a_file_beside_it_and_a_rise(tmp_path, marks, encoding):
     """The same curve, as forces in a file; its rise becomes a damping of the slider."""
-    (tmp_path / "mu.csv").write_text(
-        "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
-        "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
-    )
+    text = "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
+    text += "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
+    text = text.translate(str.maketrans(",.", marks))
+    (tmp_path / "mu.csv").write_text(text, encoding=encoding)
     document = tomllib.loads(to_toml(stage(), own=False))
     document["interface"] = STAGE["interface"] | {"friction": "mu.csv"}
     (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))

@@ -124,16 +124,17 @@ def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
     assert len(curves) < 2500
 
 
-def test_the_steps_of_a_velocity_column_are_those_of_the_displacement():
+@pytest.mark.parametrize(("unit", "size"), [("um/s", 1.0), ("rpm", 1.0 / 60.0)])
+def test_the_steps_of_a_velocity_column_are_those_of_the_displacement(unit, size):
     data = steps_of(jitter=0.0)
     speed = np.gradient(data["measured_displacement"].values, data["time"].values)
-    measured = ("time", speed, {"units": "um/s"})
+    measured = ("time", speed, {"units": unit})
     data = data.drop_vars("measured_displacement").assign(measured_velocity=measured)
     found = fit_record(data, law="ageing")
-    assert found.record.units[0] == "um"
+    assert found.record.units[0] == ("um" if unit == "um/s" else "rev")
     for fit, time in zip(found.steps, BEGINS[1:], strict=True):
         assert abs(fit.at - time) < 0.1
-        assert fit.distance == pytest.approx(ROCK.distance, rel=0.1)
+        assert fit.distance == pytest.approx(size * ROCK.distance, rel=0.1)
 
 
 HOLDS = (3.0, 10.0, 30.0, 100.0)

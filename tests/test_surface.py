@@ -281,11 +281,14 @@ def written(folder, name, values):
     else:
         mark = "," if name.endswith(".csv") else "\t"
         rows = "\n".join(mark.join(f"{v!r}" for v in row) for row in values.tolist())
-        file.write_text(HEADER + rows, encoding="utf-8")
+        if "de" in name:  # German
+            rows = rows.translate(str.maketrans(",.", ";,"))
+        encoding = "latin-1" if "de" in name else "utf-8"
+        file.write_text(HEADER + rows, encoding=encoding)
     return file
 
 
-@pytest.mark.parametrize("name", ["map.npz", "map.csv", "map.asc"])
+@pytest.mark.parametrize("name", ["map.npz", "map.csv", "map.asc", "de.csv"])
 def test_files_give_the_map_that_was_written(name, tmp_path):
     read = SURFACE.read(written(tmp_path, name, NOISE))
     assert read.to_numpy() == pytest.approx(1e-9 * NOISE)
@@ -308,12 +311,17 @@ def test_a_topography_is_a_map():
     assert float(read["y"][1]) == pytest.approx(2e-6)
 
 
-OBLONG = "# Width: 3 um\n# Height: 2 um\n" + ("1 " * 40 + "\n") * 40
+SQUARE = ("1 " * 40 + "\n") * 40
+OBLONG = "# Width: 3 um\n# Height: 2 um\n" + SQUARE
+AXES = "\n".join(f"{i}" + 40 * f" {i % 7}" for i in range(40))
 BAD_FILES = {
-    "no unit": ("map.csv", "1 2\n" * 40, {}, "unit of the heights is missing"),
-    "no spacing": ("map.csv", "1 2\n" * 40, {"unit": "um"}, "spacing .* is missing"),
+    "no unit": ("map.csv", SQUARE, {}, "unit of the heights is missing"),
+    "no spacing": ("map.csv", SQUARE, {"unit": "um"}, "spacing .* is missing"),
     "no map": ("map.csv", "# a\nb c\n", {"unit": "um"}, "cannot be read as a map"),
+    "axes": ("map.asc", AXES, {"unit": "um"}, "the first column rises evenly"),
+    "points": ("map.csv", "1 2 3\n" * 40, {"unit": "um"}, "40 rows of 3 .* are points"),
     "oblong": ("map.asc", OBLONG, {"unit": "um"}, "pixels must be square"),
+    "cut off": ("map.npz", "PK\x03\x04", {}, "cannot be read as a map of heights"),
     "instrument": ("map.opd", "x", {}, r"pip install 'stickslip\[surface\]'"),
 }
 

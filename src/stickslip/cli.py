@@ -233,7 +233,7 @@ class BenchValues:
         contacts = self.contacts
         if contacts is not None:
             contacts = whole("--contacts", contacts, at_least=1, hint="their number")
-        from stickslip.measure.tables import read_cell
+        from stickslip.io.table_text import read_cell
 
         # a number with a unit is a value, not the name of a column
         is_value = self.velocity is not None and bool(read_cell(self.velocity)[1])
@@ -434,7 +434,8 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
         run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(
-                f"{data}: is not a run: it has no spring_force along a time"
+                f"{data}: is not a run, as it has no spring_force along a time; of a "
+                "measured trace write the columns as .csv"
             )
         columns.refuse(data, "a run", **more)
         return columns.cut(run)
@@ -465,7 +466,7 @@ def _quantity(
     """Return a quantity in the unit of the data; a number without a unit is in SI units
     or, if the unit of the data is not known, in that.
     """
-    from stickslip.measure.headings import ratio
+    from stickslip.io.headings import ratio
     from stickslip.model.quantities import read_number, read_quantity
 
     if text is None:
@@ -1039,6 +1040,7 @@ def surface(
         Write the rig.
     """
     from stickslip.io.rig_files import to_toml
+    from stickslip.words import engineering
 
     _check_outputs(output, picture=plot, read=heights)
     _check_suffix(output, "a rig", ".toml")
@@ -1059,7 +1061,13 @@ def surface(
     if output is not None:
         files.write(output, to_toml(machine).encode())
     _draw(plot, lambda: ss.plot.surface(found, estimate))
-    lines = [f"{heights.name}: {estimate}"]
+    nodes = " x ".join(str(size) for size in read.shape)
+    apart = engineering(float(read["x"][1]), "m")
+    rms = engineering(float(read.std()), "m")
+    lines = [
+        f"{heights.name}: {estimate}",
+        f"read: {nodes} nodes, {apart} apart, {rms} rms",
+    ]
     if output is not None and rig is None:
         lines.append("machine: the example pmma_slider; give yours by --rig")
     content = estimate.to_dict() | {"rig": plain(output)}

@@ -16,8 +16,8 @@ from stickslip.arrays import units_of
 from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
 from stickslip.io import files
-from stickslip.measure.headings import ratio
-from stickslip.measure.table_files import read_table
+from stickslip.io.headings import ratio
+from stickslip.io.table_files import read_table
 from stickslip.measure.trace import Array, Trace, independent
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value

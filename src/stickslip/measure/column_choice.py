@@ -9,10 +9,16 @@ import numpy as np
 
 from stickslip import words
 from stickslip.errors import InputError, printable, shown
-from stickslip.measure.headings import Heading, Quantity, simple, unit_named
+from stickslip.io.headings import (
+    Heading,
+    Quantity,
+    ratio,
+    simple,
+    unit_named,
+)
+from stickslip.io.table_files import read_table
+from stickslip.io.table_text import Table
 from stickslip.measure.part_table import aligned
-from stickslip.measure.table_files import read_table
-from stickslip.measure.tables import Table
 from stickslip.measure.trace import Array
 
 ColumnName = str | int | None
@@ -115,11 +121,14 @@ def choose(
         taken = [each.place for each in chosen.values()]
         free = [i for i in table.numeric if i not in taken]
         found = _by_heading(table, free, name)
-        if name == "time" and len(found) != 1:
+        if name == "time" and len(found) != 1 and not table.step:
             found, note = _rising_evenly(table, found or _unnamed(table, free))
             notes += note
         if len(found) == 1:
             chosen[name] = Choice(found[0], table.headings[found[0]])
+        elif name == "time" and table.step:
+            each = words.engineering(table.step, "s")
+            notes.append(f"times by the interval that the file states, {each}")
         elif name in ("time", "force"):
             raise _question(table, name, found)
     return chosen, notes
@@ -142,9 +151,11 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
         named = [i for i in found if table.headings[i].is_named]
         if found:
             return named or found
-    if name == "force" and not _unnamed(table, free):
-        return [i for i in free if _is_pulled_with(table.headings[i])]
-    return []
+    pulled = [i for i in free if _is_pulled_with(table.headings[i])]
+    if name != "force" or not pulled:
+        return []
+    others = table.read(_unnamed(table, free)).values()
+    return pulled if all(map(_is_a_count, others)) else []
 
 
 def _is_pulled_with(heading: Heading) -> bool:
@@ -161,21 +172,35 @@ def _unnamed(table: Table, free: list[int]) -> list[int]:
 
 
 def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list[str]]:
-    """Return the columns that rise evenly, as a time does, and notes.
-
-    Of several identical columns it returns the first; none if it just counts the rows.
+    """The one of some columns that rises evenly, as a time does, or the first of
+    several that rise together; none, where one just counts the rows.
     """
     numbers = table.read(candidates) if candidates else {}
     even = [i for i in candidates if rises_evenly(numbers[i])]
     if not even:
         return [], []
-    values = [numbers[i] for i in even]
-    if not all(np.array_equal(each, values[0], equal_nan=True) for each in values):
+    first = numbers[even[0]]
+    since = [_seconds_since_first(numbers[i], table.headings[i].unit) for i in even]
+    steps = np.diff(since[0][np.isfinite(since[0])])
+    most = _UNEVEN * float(np.median(steps))
+    if any(np.any(np.abs(each - since[0]) > most) for each in since):
         return even, []
-    if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
+    if _is_a_count(first):
         return [], []
     choice = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{choice} rises evenly and is taken for the time"]
+
+
+def _is_a_count(values: Array) -> bool:
+    """Whether numbers rise by one, as those of the rows do."""
+    return bool(np.all(np.diff(values[np.isfinite(values)]) == 1.0))
+
+
+def _seconds_since_first(times: Array, unit: str) -> Array:
+    """Times since the first one, in s where their unit is known."""
+    known = np.where(np.isfinite(times), times, np.nan)
+    first = known[np.isfinite(known)][0]
+    return np.asarray((known - first) * (ratio(unit, "s") or 1.0))
 
 
 def rises_evenly(values: Array) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from stickslip.answers import Answer
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, whole
-from stickslip.measure.headings import ratio
+from stickslip.io.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
 from stickslip.measure.slips import Slips, find_slips, fitted_locally

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError, UndecidedError, number
-from stickslip.measure.headings import unit_named
+from stickslip.io.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider

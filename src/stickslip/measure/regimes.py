@@ -15,6 +15,7 @@ from stickslip import words
 from stickslip.answers import Answer
 from stickslip.arrays import Range
 from stickslip.errors import InputError, number
+from stickslip.io.headings import ratio
 from stickslip.loops import bounded
 from stickslip.measure.features import (
     CLIMBS,
@@ -27,7 +28,6 @@ from stickslip.measure.features import (
     Criterion,
     Window,
 )
-from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import end_of, part_table
 from stickslip.measure.segments import parts_between_pauses, pulls, segments

@@ -18,6 +18,7 @@ from scipy.special import ndtr
 from stickslip.arrays import Array as Array
 from stickslip.arrays import Range, units_of
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
+from stickslip.io.table_text import FEWEST_READINGS as FEWEST_READINGS
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
     from stickslip.simulation.run import Recording
 
-FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 ERRORS = 3.0  # a difference of more standard errors than this is significant ...
 CHANCE = float(ndtr(-ERRORS))  # ... and the probability of one by chance

@@ -16,12 +16,12 @@ from stickslip import words
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
-from stickslip.measure.clocks import DAY, are_days, unit_since_1970
+from stickslip.io.clocks import DAY, are_days, unit_since_1970
+from stickslip.io.headings import WEIGHTS, ratio, unit_named
+from stickslip.io.table_files import read_table
+from stickslip.io.table_text import Table, read_cell
 from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
-from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import Mask, far_outside, spikes
-from stickslip.measure.table_files import read_table
-from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
 
@@ -52,17 +52,16 @@ def read_trace(
     decimal: Literal[".", ","] | None = None,
 ) -> xr.Dataset:
     r"""Read a measured force trace from a table: text, .xlsx (with openpyxl), .tdms
-    (with npTDMS), .mat, .npy or .wav.
+    (with npTDMS), .mat, .npy, .npz or .wav.
 
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may
     be text before the table, names with units in brackets or in a line above or below,
     comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``).
     Where rows cannot be read, and at spikes of a single sample, six standard deviations
     off, the force is interpolated linearly in time, and that is reported; more than 3
-    unreadable rows, and more than 1 %, are an error. A blank cell, nan, N/A, or one
-    value far outside the others, such as -9999, means no reading; more than 16 such
-    rows in succession are a gap, and are left out, as are such rows if they are half of
-    all.
+    unreadable rows, and more than 1 %, are an error. No reading is a blank cell, nan,
+    OL, or one value far outside the others, such as -9999; where such rows are more
+    than 16 in turn, a gap, or half of all, they are left out.
 
     Where the clock restarts, another test begins: its times are made to follow those of
     the test before, and the tests are numbered as parts.
@@ -150,7 +149,7 @@ def read_trace(
             "velocity": velocity,
         }
         interval = seconds or table.step or 0.0
-        chosen, taken = choose(table, asked, timed=bool(interval))
+        chosen, taken = choose(table, asked, timed=bool(seconds))
         if seconds:
             chosen.pop("time", None)
             taken += _other_time(table, seconds)
@@ -358,15 +357,22 @@ def _put_in_turn(
     is_clock = ":" in table.line(line)
     are_tests = restarts and min(map(len, tests)) >= FEWEST_READINGS
     if back.size and (is_clock or not are_tests):
+        row = f"line {line}: time {times[back[0]]:g}"
+        if np.mean(np.diff(times[known]) == 0) > 0.5:
+            span = float(times[known[-1]] - times[known[0]])
+            raise InputError(
+                f"{row} is that of the row before, as on a clock that shows whole "
+                f"seconds: give the step instead (--step, or step=); {known.size} rows "
+                f"take {span:g} of its units"
+            )
         remedy = "sort the rows"
         if is_clock:
             remedy = (
                 "where a clock was set back, write times with their offset from UTC"
             )
         raise InputError(
-            f"line {line}: time {times[back[0]]:g} does not come after that of the row "
-            f"before; times must rise: {remedy}, or give the step instead (--step, or "
-            "step=)"
+            f"{row} does not come after that of the row before; times must rise: "
+            f"{remedy}, or give the step instead (--step, or step=)"
         )
     usual = np.nanmedian(np.diff(times))
     for at in back:
@@ -434,8 +440,9 @@ def _dataset(
         units["time"] = "s"
         rows.index = pd.Index(DAY * (rows.index - first), name="time")
         notes.append(
-            "the times are taken for days, as spreadsheets count them from 1900; if "
-            "they are not, write their unit into the heading, as in time (s)"
+            "the times are taken for days, as spreadsheets count them from 1900, and "
+            "MATLAB from 0; where they are none, write their unit into the heading, as "
+            "in time (s)"
         )
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:

@@ -12,8 +12,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError
+from stickslip.io.headings import ratio
 from stickslip.measure import regime
-from stickslip.measure.headings import ratio
 from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames

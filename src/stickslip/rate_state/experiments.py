@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
 from stickslip.errors import InputError, instance, number, pair, whole
-from stickslip.measure.headings import ratio
+from stickslip.io.headings import ratio
 from stickslip.measure.trace import ERRORS, Array, dataset_of
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
@@ -136,8 +136,9 @@ class Record(NamedTuple):
         if along is not None:
             place = rows[along].to_numpy()
             if "velocity" in along:
-                speed, length = length, length.partition("/")[0]
-                scale = ratio(speed, f"{length}/{clock}") or 1.0
+                speed = "rev/min" if length.lower() == "rpm" else length
+                length, _, per = speed.partition("/")
+                scale = ratio(clock, per) or 1.0
                 place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)
         units = (length, clock, unit.removeprefix("1"))

@@ -7,6 +7,7 @@ A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribu
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import re
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy import fft
@@ -21,6 +23,8 @@ from scipy import fft
 from stickslip.arrays import Array
 from stickslip.errors import SMALLEST, InputError, instance, refused, shown, whole
 from stickslip.io import files
+from stickslip.io.table_files import DAMAGED
+from stickslip.io.table_text import as_utf8, find_layout
 from stickslip.model.quantities import read_value
 from stickslip.surface.halfspace import wave_numbers
 from stickslip.words import engineering, percent
@@ -30,8 +34,11 @@ Length = float | str
 
 LARGEST_FILE = 1_000_000_000  # bytes
 FEWEST_NODES = 32  # along an axis
-_ALIKE = 1e-3  # spacings along both axes with a smaller relative difference are equal
-_HEADER = re.compile(r"^#?\s*(?:([A-Za-z][\w ]*?)\s*[:=]|([A-Za-z]\w*)\s)\s*(.+?)\s*$")
+_ALIKE = 1e-3  # spacings along both axes that differ by less are one
+_BEGINS_ROW = re.compile(r'\s*"?(?:[-+.\d]|nan\b)', re.I)
+_HEADER = re.compile(
+    r'[#\s"]*(?:([^\W\d][\w ]*?)["\s]*[:=;,\t]|([^\W\d]\w*)\s)[\s"]*(.+?)["\s;,]*'
+)
 _NAMES = {
     "width": "width",
     "height": "depth",
@@ -41,6 +48,10 @@ _NAMES = {
     "spacing": "spacing",
     "cellsize": "spacing",
     "nodata_value": "hole",
+    "xy calibration": "spacing",
+    "breite": "width",
+    "höhe": "depth",
+    "werteinheiten": "unit",
 }
 """Keys of headers that Gwyddion and geographic information systems write."""
 
@@ -323,7 +334,7 @@ def read(
         values, about = reader(path)
     except InputError:
         raise
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, *DAMAGED) as error:
         raise InputError(
             f"{path}: cannot be read as a map of heights ({error}); write rows of "
             "numbers, or numpy.savez(file, height=..., spacing=..., unit='um')"
@@ -357,8 +368,9 @@ def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
 
 
 def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Return the heights and the scalars of a ``.npz`` archive."""
-    with np.load(path) as archive:
+    """The heights of an archive of arrays, and its scalars."""
+    raw = files.read(path, "map of heights", largest=LARGEST_FILE)
+    with np.load(io.BytesIO(raw)) as archive:
         names = archive.files
         flat = [name for name in names if archive[name].ndim == 2]
         chosen = "height" if "height" in names else flat[0] if len(flat) == 1 else ""
@@ -373,21 +385,41 @@ def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Return the rows of numbers of a text, and the values in its header."""
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    about: dict[str, Any] = {}
-    begin = 0
-    for line in lines:
-        found = _HEADER.match(line)
-        if not (found or line.startswith("#") or not line.strip()):
-            break
-        begin += 1
-        if found and (key := _NAMES.get((found[1] or found[2]).lower())):
-            about[key] = found[3].replace(",", ".")
+    """Rows of numbers, and the values in a header before them."""
+    text = as_utf8(files.read(path, "map of heights", largest=LARGEST_FILE)).decode()
+    lines = [line for line in text.splitlines() if line.strip()]
+    first = (i for i, line in enumerate(lines) if _BEGINS_ROW.match(line))
+    begin = next(first, len(lines))
     if begin == len(lines):
         raise ValueError("it has no rows of numbers")
-    rows = [re.sub("[;,]", " ", line) for line in lines[begin:]]
-    values: Array = np.loadtxt(rows, ndmin=2)
+    about: dict[str, Any] = {}
+    for line in lines[:begin]:
+        found = _HEADER.fullmatch(line)
+        if found and (key := _NAMES.get((found[1] or found[2]).lower())):
+            value = re.sub(r'["\t;]+,?["\t;]*', " ", found[3]).replace(",", ".")
+            about[key] = value.strip().removesuffix("/pixel")
+    layout = find_layout(lines[begin : begin + FEWEST_NODES])
+    cells = pd.read_csv(
+        io.StringIO("\n".join(lines[begin:])),
+        sep=layout.mark if layout.mark.strip() or layout.mark == "\t" else r"\s+",
+        decimal="," if layout.comma else ".",
+        header=None,
+    )
+    values = np.array(cells.apply(pd.to_numeric, errors="coerce"), dtype=float)
+    if np.isnan(values[:, -1]).all():  # a mark at the end of each row
+        values = values[:, :-1]
+    if values.shape[1] <= 3 and len(values) >= FEWEST_NODES:
+        raise InputError(
+            f"{path}: {len(values)} rows of {values.shape[1]} numbers are points or a "
+            "profile; export a map, each row with the heights along one line"
+        )
+    for name, edge in (("column", values[:, 0]), ("row", values[0])):
+        steps = np.diff(edge)
+        if np.ptp(steps) < _ALIKE * abs(steps.mean()):
+            raise InputError(
+                f"{path}: the first {name} rises evenly, as the places along an axis "
+                "do: leave it out, and give --spacing"
+            )
     if "hole" in about:
         values[values == float(about.pop("hole"))] = np.nan
     return values, about

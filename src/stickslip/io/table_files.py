@@ -2,18 +2,31 @@
 
 import csv
 import io
+import zipfile
+import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from statistics import mode
 from typing import Any
 
 import numpy as np
 
-from stickslip.errors import InputError
-from stickslip.measure.headings import Heading, with_coefficients
-from stickslip.measure.tables import MOST_COLUMNS, Table, read_text
-from stickslip.measure.trace import FEWEST_READINGS
+from stickslip.errors import InputError, shortened
+from stickslip.io.headings import Heading, with_coefficients
+from stickslip.io.table_text import (
+    FEWEST_READINGS,
+    MOST_COLUMNS,
+    Table,
+    read_text,
+    step_stated,
+)
 from stickslip.model.quantities import unit_size
 
+_ZIP = b"PK\x03\x04"
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
+"""Errors of an archive that is damaged, or locked by a password."""
+_HEAD_OF_ZIP = 100  # bytes that hold the name of its first file
+_LARGEST = 100_000_000  # bytes of an unpacked file
 _EXPORTED = {
     b"\x89HDF": "HDF5, as NetCDF is: open a run with load(), write columns as .csv",
     b"MATLAB 7.3": "MATLAB 7.3: save(file, '-v7') writes a .mat that can be read",
@@ -23,6 +36,9 @@ _EXPORTED = {
     b"\x1f\x8b": "packed by gzip: unpack it first",
     b"SQLite format 3": "an SQLite database: export the table as .csv",
     b"{": "JSON: write the columns as .csv",
+    b"[{": "JSON: write the columns as .csv",
+    b"[[": "JSON: write the columns as .csv",
+    b"<": "HTML or XML: export the table as .csv",
     b"%PDF": "a PDF: export the table as .csv",
     b"\x89PNG": "a picture: export the table as .csv",
     b"\xff\xd8\xff": "a picture: export the table as .csv",
@@ -34,7 +50,8 @@ _EXPORTED = {
 def read_table(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
-    """Return the table in the bytes of a file; `InputError` if there is none."""
+    """Find out how a file is laid out; `InputError` if it is no table."""
+    raw = _unpacked(raw) if raw.startswith(_ZIP) else raw
     for magic, export in _EXPORTED.items():
         if raw.startswith(magic):
             raise InputError(f"is {export}")
@@ -56,9 +73,38 @@ def read_table(
         raise InputError(f"cannot be read ({error}); {remedy}") from None
 
 
+def _unpacked(raw: bytes) -> bytes:
+    """The only file that a zip archive holds; what is no such archive, or is one that
+    has a reader, stays as it is.
+    """
+    with suppress(*DAMAGED), zipfile.ZipFile(io.BytesIO(raw)) as archive:
+        files = [
+            file
+            for file in archive.infolist()
+            if not (file.is_dir() or file.filename.startswith("__MACOSX"))
+        ]
+        names = [file.filename for file in files]
+        if "[Content_Types].xml" in names or names[0].endswith(".npy"):
+            return raw
+        if len(files) > 1 or files[0].file_size > _LARGEST:
+            raise InputError(
+                f"is packed by zip: {shortened(', '.join(names))}; unpack it first, or "
+                "export the table as .csv"
+            )
+        return archive.read(files[0])
+    return raw
+
+
+def _of_zip(raw: bytes) -> Table:
+    """An archive of arrays of numpy, or a spreadsheet."""
+    return _of_numpy(raw) if b".npy" in raw[:_HEAD_OF_ZIP] else _of_spreadsheet(raw)
+
+
 def _of_numpy(raw: bytes) -> Table:
-    """Return the table of a numpy array: its fields, or its columns."""
+    """An array of numpy, its fields or its columns, or several arrays."""
     values = np.load(io.BytesIO(raw), allow_pickle=False)
+    if isinstance(values, np.lib.npyio.NpzFile):
+        return _of_arrays(values)
     if values.dtype.names:
         return _of_named({name: values[name] for name in values.dtype.names})
     return _of_named(_columns_of("", np.squeeze(values)))
@@ -85,11 +131,17 @@ def _of_matlab(raw: bytes) -> Table:
     for name, value in [*held.items()]:
         if hasattr(value, "_fieldnames"):
             held |= vars(held.pop(name))
+    return _of_arrays(held)
+
+
+def _of_arrays(held: Mapping[str, Any]) -> Table:
+    """The columns of named arrays, and the step that a number among them states."""
     named = dict[str, Any]()
     for name, values in held.items():
         if not name.startswith("_") and isinstance(values, np.ndarray):
             named |= _columns_of(name, values)
-    return _of_named(named)
+    numbers = (f"{name} = {held[name]}" for name in held if np.ndim(held[name]) == 0)
+    return _of_named(named)._replace(step=step_stated(numbers))
 
 
 def _columns_of(name: str, values: Any) -> dict[str, Any]:
@@ -103,15 +155,18 @@ def _columns_of(name: str, values: Any) -> dict[str, Any]:
 
 
 def _of_named(
-    named: Mapping[str, Any], kind: str = "variable", read: str = "what has {} numbers"
+    named: Mapping[str, Any],
+    kind: str = "variable",
+    read: str = "what has {} numbers",
+    headings: Mapping[str, Heading] | None = None,
 ) -> Table:
-    """Return the table of named columns of numbers: of those with the most frequent
-    length.
+    """Named columns of numbers or dates, those of the length that most of them have;
+    their headings, if these are not their names.
     """
     long = {
-        name: np.array(values, dtype=float)
+        name: np.array(_since_first(values), dtype=float)
         for name, values in named.items()
-        if values.dtype.kind in "fiu" and values.size >= FEWEST_READINGS
+        if values.dtype.kind in "fiuM" and values.size >= FEWEST_READINGS
     }
     if not long:
         raise InputError(
@@ -123,16 +178,27 @@ def _of_named(
         raise InputError(
             f"has {len(kept)} columns of numbers; 1 to {MOST_COLUMNS} are read"
         )
-    headings = [Heading("" if name.isdigit() else name) for name in kept]
+    known = headings or {name: Heading.read(name) for name in kept}
+    shown = [Heading() if name.isdigit() else known[name] for name in kept]
+    for i, name in enumerate(kept):
+        if named[name].dtype.kind == "M":
+            shown[i] = shown[i]._replace(unit="s")
     left = [name for name in long if name not in kept]
     return Table(
-        with_coefficients(headings),
+        with_coefficients(shown),
         [*range(len(kept))],
         lambda places: {i: long[kept[i]].copy() for i in places},
         np.arange(1, length + 1),
         "sample {}".format,
         notes=_left_out(read.format(length), kind, left),
     )
+
+
+def _since_first(values: Any) -> Any:
+    """Dates in s since the first of them; numbers as they are."""
+    if values.dtype.kind != "M":
+        return values
+    return (values - values[0]) / np.timedelta64(1, "s")
 
 
 def _of_spreadsheet(raw: bytes) -> Table:
@@ -156,7 +222,7 @@ def _of_spreadsheet(raw: bytes) -> Table:
     ]
     plain = sheets[chosen].replace(r"[\t\r\n\"]", " ", regex=True)
     text = plain.to_csv(sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE)
-    found = read_text(text.encode(), "\t", ".")
+    found = read_text(text.encode(), "\t")
     return found._replace(notes=_left_out(f"sheet {chosen!r}", "sheet", left))
 
 
@@ -180,22 +246,23 @@ def _of_tdms(raw: bytes) -> Table:
         for one in group.channels()
     }
     named = {path: one[:] for path, one in channels.items()}
-    table = _of_named(named, "channel", "the channels of {} readings")
-    headings = []
-    steps = set()
-    for path, _ in table.headings:
-        properties = channels[path].properties
-        name, unit = Heading.read(channels[path].name)
-        unit = (
-            properties.get("unit_string")
-            or properties.get("NI_UnitDescription")
-            or unit
-        )
-        headings.append(Heading(name, str(unit)))
-        steps.add(_step_of(properties))
-    steps.discard(0.0)
-    step = steps.pop() if len(steps) == 1 else None
-    return table._replace(headings=with_coefficients(headings), step=step)
+    headings = {path: _heading_of_channel(one) for path, one in channels.items()}
+    read = "the channels of {} readings"
+    table = _of_named(named, "channel", read, headings)
+    steps = {
+        _step_of(one.properties)
+        for path, one in channels.items()
+        if len(named[path]) == table.rows.size
+    } - {0.0}
+    return table._replace(step=steps.pop() if len(steps) == 1 else None)
+
+
+def _heading_of_channel(channel: Any) -> Heading:
+    """Name and unit of a channel of a TDMS file."""
+    name, unit = Heading.read(channel.name)
+    properties = channel.properties
+    told = properties.get("unit_string") or properties.get("NI_UnitDescription")
+    return Heading(name, str(told or unit))
 
 
 def _step_of(properties: Mapping[str, Any]) -> float:
@@ -209,7 +276,7 @@ def _step_of(properties: Mapping[str, Any]) -> float:
 
 _READERS = (
     (b"TDSm", _of_tdms),
-    (b"PK\x03\x04", _of_spreadsheet),
+    (_ZIP, _of_zip),
     (b"\x93NUMPY", _of_numpy),
     (b"MATLAB 5.0", _of_matlab),
     (b"RIFF", _of_sound),

@@ -12,7 +12,15 @@ _DATES = {
     # 4/25/2026, only with AM or PM: otherwise the day may come first
     "month": r"(?P<month>\d\d?)/(?P<day>\d\d?)/(?P<year>\d{4})",
 }
-_TIME = r"(?P<hours>\d{1,3}):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d*)?))?"
+# Dates beside which only the time of the day counts, which begins anew at midnight:
+# 5/4/2026 is in April or in May, and months have names in many languages.
+_ANY_DATE = (
+    r"(?:\d\d?/\d\d?/\d{4}|\d\d?[- ][^\W\d_]{3,9}\.?[- ]\d{4}"
+    r"|[^\W\d_]{3,9}\.? \d\d?,? \d{4})"
+)
+# 12:00:01.234, and 12:00:01:234
+_SECONDS = r"(?P<seconds>[0-5]\d(?:[.,]\d*|:\d{3})?)"
+_TIME = rf"(?P<hours>\d{{1,3}}):(?P<minutes>[0-5]\d)(?::{_SECONDS})?"
 _HALF = r"\s?(?P<half>[AaPp])\.?[Mm]\.?"
 _MINUTES = r"(?P<minutes>\d{1,3}):(?P<seconds>[0-5]\d[.,]\d+)"  # as Excel shows them
 _OFFSET = r"\s?(?:Z|UTC|(?P<sign>[-+])(?P<east>\d\d):?(?P<least>[0-5]\d)?)"
@@ -21,14 +29,17 @@ _CLOCKS = [
     re.compile(rf"(?:{_DATES['year']}{_BETWEEN})?{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(rf"{_DATES['day']}{_BETWEEN}{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(rf"{_DATES['month']}{_BETWEEN}{_TIME}{_HALF}(?:{_OFFSET})?"),
+    re.compile(rf"{_ANY_DATE}{_BETWEEN}{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(_MINUTES),
 ]
 _SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
 """Units of time since 1970, and how many had passed in 2001. By 2038, when a signed
 32-bit count of seconds overflows, it is 2.2 times as many.
 """
-_DAYS = 40_000.0, 60_000.0
-"""Days since 1900, as spreadsheets count them, in 2009 and in 2064."""
+_DAYS = (40_000.0, 60_000.0), (733_000.0, 753_000.0)
+"""Days since 1900, as a spreadsheet counts them, and since the year 0, as MATLAB does,
+in this century.
+"""
 _FIRST_DAY = dt.date(2000, 1, 1).toordinal()
 
 
@@ -61,7 +72,7 @@ def seconds_of(text: str) -> float | None:
     east = 3600.0 * int(fields["east"] or 0) + 60.0 * int(fields["least"] or 0)
     if fields["sign"] == "-":
         east = -east
-    seconds = float((fields["seconds"] or "0").replace(",", "."))
+    seconds = float(re.sub("[,:]", ".", fields["seconds"] or "0"))
     return DAY * days + 3600.0 * hours + 60.0 * int(fields["minutes"]) + seconds - east
 
 
@@ -73,12 +84,11 @@ def turn_of(text: str) -> float:
 
 
 def are_days(first: float, last: float) -> bool:
-    """Whether times look like the days since 1900 of a spreadsheet, within one day.
-
-    Read as seconds, they would start half a day late and span less than a second.
+    """Whether times look as the days of a spreadsheet or of MATLAB, within one day: in
+    seconds they would be half a day after the begin, and all within a second.
     """
-    low, high = _DAYS
-    return low <= first and last <= high and last - first < 1.0
+    of_this_century = [low <= first and last <= high for low, high in _DAYS]
+    return any(of_this_century) and last - first < 1.0
 
 
 def unit_since_1970(count: float) -> str:
