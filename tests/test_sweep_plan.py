@@ -495,7 +495,7 @@ def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options
         *progress, line = errors.strip().splitlines()
         cases = f"{len(kept)} of 60 cases are kept in {str(store)!r}"
         assert (process.returncode, out) == (130, "")
-        again = "the same command goes on from there"
+        again = "repeat the command to continue"
         assert line == f"stickslip: interrupted; {cases}; {again}"
         assert all(" small: " in told and " of 60 cases" in told for told in progress)
     deadline = time.monotonic() + 15

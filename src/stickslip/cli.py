@@ -918,7 +918,7 @@ def _refuse_options_of_others(
                 raise InputError(f"--{name}: is not for a sweep; leave it out")
     elif at is not None or bistable:
         name = "bistable" if at is None else "at"
-        raise InputError(f"--{name}: is for a sweep, and {data} is none; leave it out")
+        raise InputError(f"--{name}: is for a sweep, which {data} is not; leave it out")
     elif beside is not None and kind not in (None, "overview"):
         raise InputError(
             f"--kind {kind}: excludes --beside, an overview; leave out one of them"
@@ -1202,7 +1202,7 @@ def sweep(
                 f"{str(store)!r}"
             )
             return _fail(
-                f"interrupted; {cases}; the same command goes on from there", code=130
+                f"interrupted; {cases}; repeat the command to continue", code=130
             )
     return _report_sweep(result, store, plot, json)
 

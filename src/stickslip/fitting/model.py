@@ -201,7 +201,7 @@ def synthetic_trace(
     peaks, troughs = simulate(values, slips, rng)
     if peaks.size < slips:
         raise InputError(
-            f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; "
+            f"only {peaks.size} of {slips} slips: stick-slip is rare here; "
             "take a softer spring"
         )
     strength = bench.strength

@@ -218,9 +218,9 @@ class Window:
         faster than they climb.
         """
         least = 0.0
-        lags = 2 ** np.arange(max(self.rest.size // _PART_OF_LAGS, 1).bit_length())
+        lags = 2 ** np.arange(max(self.residual.size // _PART_OF_LAGS, 1).bit_length())
         for lag in lags.tolist():
-            change = self.rest[lag:] - self.rest[:-lag]
+            change = self.residual[lag:] - self.residual[:-lag]
             cubes = change * change * change  # much faster than a power
             parts = np.array_split(cubes, 2 * FEWEST_CYCLES)
             means = np.array([part.mean() for part in parts])

@@ -1,9 +1,9 @@
 /* The contacts of an interface as a functional mock-up unit: FMI 2.0, co-simulation.
 
-   The algorithm is that of stickslip/kernels/element.py, name by name: under a given
-   motion each contact is carried through a step by itself, exactly; blocks of contacts
-   to which nothing happens are passed at once. tables.h, which the export writes, holds
-   the units, what contacts draw, and how they begin. */
+   Algorithm and names are those of stickslip/kernels/element.py: under a given motion
+   each contact is advanced through a step independently and exactly; blocks of contacts
+   without an event are advanced at once. tables.h, which the export writes, holds the
+   units, the tables of the random numbers of contacts, and their initial state. */
 
 #include <math.h>
 #include <stdint.h>
@@ -57,7 +57,7 @@ static double quantile(int kind, double p)
     return total;
 }
 
-/* Survival of thresholds, which newborns with a stretching need. */
+/* Survival function of the thresholds, used if new contacts are stretched. */
 static double beyond(double x)
 {
     if (x >= BEYOND_TOP)
@@ -168,7 +168,7 @@ static double delay_of(const Memory *state, int slot)
     return fmax(quantile(DELAY, p), 0.0);
 }
 
-/* Carry a contact through all that happens to it on a path. */
+/* Advance a contact through all its events on a path. */
 static void live(Memory *state, int slot, const Path *path)
 {
     Motion *m = &state->motion;
@@ -264,7 +264,7 @@ static int happens(const Motion *m, const Sums *sums, const Path *path)
     return wait_until(m, sums->until) <= path->h;
 }
 
-/* Carry contacts to which nothing happens. */
+/* Advance contacts that have no event on a path. */
 static void pass(Motion *m, const Sums *sums, const Path *path)
 {
     m->impulse += sums->stiffness * (path->x * path->h + area(path, path->h));
@@ -312,7 +312,8 @@ static void events(Memory *state, const Path *path)
     }
 }
 
-/* The slider stops: after a break, contacts may attach, and to another track. */
+/* At an arrest of the slider, if contacts have broken since the last one: draw the
+   common factor of new thresholds, and attach the contacts that wait for an arrest. */
 static void arrests(Memory *state)
 {
     Motion *m = &state->motion;
@@ -495,7 +496,7 @@ API fmi2Status fmi2SetReal(
     return fmi2OK;
 }
 
-/* Inputs are those at the beginning of the step: the slider goes on from there. */
+/* Inputs are those at the beginning of a step; the slider keeps its velocity in it. */
 API fmi2Status fmi2DoStep(fmi2Component c, double now, double duration, int no_return)
 {
     State *state = c;
@@ -563,7 +564,7 @@ API fmi2Status fmi2DeSerializeFMUstate(
     return status;
 }
 
-/* ---- what a unit without such variables, derivatives or steps in the background has */
+/* ---- functions of FMI for variables, derivatives and steps that this unit lacks */
 
 #define NOT_HERE(name, ...)                                                            \
     API fmi2Status name(fmi2Component c, __VA_ARGS__)                                  \
