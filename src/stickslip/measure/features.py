@@ -627,6 +627,28 @@ class Window:
         )
 
     @property
+    def _tests_of_noise(self) -> tuple[Criterion, ...]:
+        """The tests that tell noise from an oscillation."""
+        narrow = ERRORS * self.scatter / self.mean
+        return (
+            _test(NOISE, *self.contact_noise, "theory"),
+            _test("kurtosis of the force", self.kurtosis, NORMAL, "theory"),
+            _test(
+                "skewness of its changes, in errors",
+                self.skewness,
+                -ERRORS,
+                passed=self.skewness >= -ERRORS,
+            ),
+            _test(
+                "three standard deviations over the mean",
+                narrow,
+                MOST,
+                "convention",
+                self.is_narrow,
+            ),
+        )
+
+    @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests that decide a regime, without those of unknown features."""
         value, error = self.change
@@ -639,7 +661,6 @@ class Window:
             of_a_held = self.trace.full_rate is not None
             beside = "stiffness times velocity" if of_a_held else "loading rate"
             velocity = f"1 + falling rate over {beside}"
-        narrow = ERRORS * self.scatter / self.mean
         rows = (
             _test("drops that stand out of the noise", self.slips.size, 1),
             _test(SWING, self.swing, TINY, "convention"),
@@ -687,21 +708,7 @@ class Window:
                 "convention",
                 self.loading.scatter < ONE_RATE,
             ),
-            _test(NOISE, *self.contact_noise, "theory"),
-            _test("kurtosis of the force", self.kurtosis, NORMAL, "theory"),
-            _test(
-                "skewness of its changes, in errors",
-                self.skewness,
-                -ERRORS,
-                passed=self.skewness >= -ERRORS,
-            ),
-            _test(
-                "three standard deviations over the mean",
-                narrow,
-                MOST,
-                "convention",
-                self.is_narrow,
-            ),
+            *self._tests_of_noise,
             _test(
                 "slider velocity off the drive's (rms), over it",
                 self.velocity_deviation,
