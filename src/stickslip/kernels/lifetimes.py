@@ -348,7 +348,7 @@ def _with_caps(
 def _holds(lifetimes: Lifetimes, at: int) -> bool:
     """Whether next to no contact breaks in the panel of a node."""
     held = lifetimes.survival[at]
-    return held - lifetimes.survival[at + NODES - 1] <= 2 * UNBROKEN * held
+    return bool(held - lifetimes.survival[at + NODES - 1] <= 2 * UNBROKEN * held)
 
 
 @jit

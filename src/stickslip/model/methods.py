@@ -49,7 +49,8 @@ class MasterEquation(Record):
     ----------
     rtol : float
         Error of the forces, in ``f_s`` per contact: root mean square over some cycles,
-        within a factor of 10. Steps of time follow from it. With thresholds that age by
+        within a factor of 10. Steps of time follow from it, and the work of the drive
+        is found again to that fraction of it. With thresholds that age by
         `Langevin` it is the kinetic equation that is solved, at a resolution whose
         error in the steady force is ten times that, up to ``velocity = rate**2``
         (default: 0.1 %, peaks to 0.5 %).
