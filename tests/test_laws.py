@@ -164,6 +164,12 @@ def test_energy_is_kept(name):
         assert float(run[lost].diff("time").min()) >= least
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+def test_energy_is_kept_to_the_tolerance(rtol):
+    for method in (ss.MasterEquation(rtol=rtol), ss.Population(10**9, rtol=rtol)):
+        assert imbalance(simulate(Pair(method, interface_with({}), SLIDER))) < rtol
+
+
 @every_pair
 def test_contacts_are_counted(name):
     pair = PAIRS[name]

@@ -396,6 +396,14 @@ def test_growing_contacts_answer_as_without_temperature(thresholds):
     assert dynamic_stiffness(cold, 1.0, s) == pytest.approx(wanted, rel=1e-7)
 
 
+def test_a_long_scan_of_an_undamped_rig_is_as_exact_as_a_short_one():
+    weak = case(ss.Weibull(1.0, 1.5))
+    body = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
+    # as every wave number by itself gives it, in 20 s
+    spring = critical_spring(rig(1.5, on=weak, body=body))
+    assert spring == pytest.approx(482041.34859292756, rel=1e-9)
+
+
 HEAT = ss.Bell(width=0.01, attempts=1e6)
 WARM = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), activation=HEAT)
 AT_ONCE = ss.Interface(thresholds=TENTH, ageing=ss.ExponentialGrowth(rate=0.2))

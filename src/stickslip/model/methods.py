@@ -47,9 +47,10 @@ class MasterEquation(Record):
     ----------
     rtol : float
         Error of the forces, in ``f_s`` per contact: root mean square over several
-        cycles, within a factor of 10. It sets the time steps. With thresholds that age
-        by `Langevin` the kinetic equation is solved instead, at a resolution whose
-        error in the steady force is ten times `rtol`, up to ``velocity = rate**2``
+        cycles, within a factor of 10. It sets the time steps, and is the relative error
+        of the work of the drive. With thresholds that age by `Langevin` the kinetic
+        equation is solved instead, at a resolution whose error in the steady force is
+        ten times `rtol`, up to ``velocity = rate**2``
         (default: 0.1 %, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of

@@ -28,6 +28,7 @@ from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
@@ -53,6 +54,7 @@ from stickslip.sliding.response import (
 _REMEMBERED = 100.0
 _NOTHING = 1e-15  # P^ below this is rounding of 1
 _FEWEST = 64  # wave numbers of a table
+_DEGREE = 48  # of the polynomials that interpolate over an octave of frequencies
 _MOST_STEPS = 6_000  # steps of frequencies, beyond which the delay alone sets the step
 
 
@@ -309,8 +311,28 @@ def axis_table(
     if np.all(np.abs(1.0 - known[1][-(count // 4) :]) < _NOTHING):
         more = np.ones_like(new), 1.0 / new
     else:
-        more = transforms(distribution, new)
+        more = _along_octave(distribution, new)
     return y, np.append(known[1], more[0]), np.append(known[2], more[1])
+
+
+def _along_octave(
+    distribution: Distribution, q: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """`transforms` at rising wave numbers, by polynomials where these are exact to
+    rounding: of a smooth density, once the contacts turn no more.
+    """
+    if q.size > 8 * _DEGREE:
+        place = (2.0 * q.imag - q[-1].imag - q[0].imag) / (q[-1] - q[0]).imag
+        node = chebyshev.chebpts1(_DEGREE)
+        basis = chebyshev.chebvander(node, _DEGREE - 1).T / (0.5 * _DEGREE)
+        basis[0] *= 0.5
+        complement, shape = transforms(distribution, np.interp(node, place, q))
+        # not the complement, which is 1 to rounding
+        series = np.stack([1.0 - complement, shape]) @ basis.T
+        if np.abs(series[:, -4:]).max() < _NOTHING:
+            mean, shape = chebyshev.chebval(place, series.T)
+            return 1.0 - mean, shape
+    return transforms(distribution, q)
 
 
 def transforms(
