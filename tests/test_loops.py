@@ -151,10 +151,10 @@ def test_an_edge_cannot_be_halved_below_rounding():
     assert found == pytest.approx((1.5, 1.5), rel=1e-14)
 
 
-def test_a_cycle_whose_fate_is_never_told_is_a_fault(monkeypatch):
+def test_a_cycle_that_is_never_decided_is_a_fault(monkeypatch):
     verdicts = cycles.oscillation_verdict
     monkeypatch.setattr(verdicts, "PATIENCE", 0)
-    monkeypatch.setattr(verdicts, "_fate", lambda *_: None)
+    monkeypatch.setattr(verdicts, "_outcome", lambda *_: None)
     rig = ss.Rig(
         ss.Interface(thresholds=ss.Gaussian(1.0, 0.1)),
         ss.Slider(stiffness=2.0, mass=0.01, damping=10.0),
