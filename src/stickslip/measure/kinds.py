@@ -177,7 +177,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     hidden = seen.is_mostly_noise and repeats
     # Noise falls as fast as it rises, and climbs at various rates. Rare drops, to which
     # the force does not climb, take little of the time, too.
-    rare = seen.loading.gain.value <= CLIMBS
+    rare = seen.is_mostly_noise and seen.loading.gain.value <= CLIMBS
     fast = seen.slips.slip_phase(seen.trace) <= SLIP_PHASE and not rare
     dips = fast or seen.climbs
     normal = seen.kurtosis.value >= NORMAL and seen.is_narrow
