@@ -1264,6 +1264,22 @@ def test_friction_against_speed_is_found_in_a_record(told_by):
     assert bias or found["error"].values == pytest.approx(expected, rel=0.5)
 
 
+def test_a_sinusoidal_test_has_the_friction_of_its_loop():
+    """Off the offset of the sensor and the reversals; speeds with few readings go."""
+    t = np.arange(0.0, 10.0, 0.002)
+    way = 2.5 * np.sin(2.0 * np.pi * t)
+    side = np.clip(20.0 * np.cos(2.0 * np.pi * t), -1.0, 1.0)
+    force = 0.2 + 4.0 * side + white(t.size, std=0.03)
+    data = trace(t, force, measured_displacement=way).assign(mu=("time", force / 10.0))
+    seen = regime(data)
+    assert (seen.kind, round(seen.mean_mu, 3)) == ("smooth sliding", 0.4)
+    assert [each.mean_mu for each in seen.segments] == pytest.approx(
+        [0.4] * 21, abs=0.005
+    )
+    friction = ss.measure.friction_at_speeds(data)["friction"]
+    assert friction.values == pytest.approx(0.4, abs=0.005)
+
+
 def test_friction_against_speed_needs_a_speed():
     t = np.arange(0.0, 10.0, 0.01)
     with pytest.raises(ss.InputError, match="needs a column of the velocity"):
