@@ -64,7 +64,6 @@ UNIFORM = {"distribution": "uniform", "low": 0.2, "high": 1}
 PIECE = {"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}
 MASTER = {"method": "master equation", "rtol": 7e-4}
 GAUSSIAN = {"distribution": "gaussian"}
-EMPIRICAL = {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}
 
 
 @pytest.mark.parametrize(
