@@ -229,11 +229,7 @@ def test_a_file_gives_loads_and_forces_at_times():
         (BRAKE, {"load": []}, "drive.load"),
         (BRAKE, {"force": "3 N"}, "give velocity or pieces or force, not both"),
         (WEIGHT, {"distance": "1 mm"}, "not both"),
-        (
-            WEIGHT,
-            {"force": [{"start": 3.0}]},
-            "drive.force[0].start = 3.0: has no unit",
-        ),
+        (WEIGHT, {"force": [{"start": 3.0}]}, "force[0].start = 3.0: has no unit"),
         (WEIGHT, {"force": []}, "drive.force = []: must be a list"),
         (WEIGHT, {"force": "3 m"}, "drive.force = '3 m'"),
         (WEIGHT, {"force": "3 N"}, "drive.duration: is missing"),
