@@ -400,8 +400,6 @@ HEAT = ss.Bell(width=0.01, attempts=1e6)
 WARM = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), activation=HEAT)
 AT_ONCE = ss.Interface(thresholds=TENTH, ageing=ss.ExponentialGrowth(rate=0.2))
 SHARP = ss.Interface(thresholds=Gaussian(1.0, 1e-5), ageing=ss.Langevin(rate=1.0))
-
-
 NO_ANSWER = (
     lambda: dynamic_stiffness(case(delay=ss.Delay(math.inf)), 1.0, 1j),
     "never re-attach",
