@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from benches import imbalance
 from refusals import refused
 
 import stickslip as ss
@@ -28,18 +29,10 @@ FIELDS = [
 INTERFACES = [DELAYED, *(ss.Interface(thresholds=TENTH, **more) for more in FIELDS)]
 FEW = ss.Contacts(200, seed=1)
 LENGTHS = ("displacement", "velocity", "spring_force", "friction_force")
-ENERGIES = ("kinetic_energy", "contact_energy", "damped_energy", "broken_energy")
 
 
 def pulled(interface, drive, slider=SLIDER, method=FEW, **options):
     return ss.Rig(interface, slider, drive, method=method, **options)
-
-
-def imbalance(run):
-    """Return the imbalance of the work and the energies."""
-    parts = [*ENERGIES, *{"spring_energy"} & {*run}]
-    left = run["work"] - sum(run[name] for name in parts)
-    return np.ptp(left.values) / run["work"].values.max()
 
 
 @pytest.mark.parametrize("start", [ss.FromRest(), ss.FromSliding()], ids=repr)
