@@ -18,9 +18,6 @@ from benches import WARM
 import stickslip as ss
 from stickslip import cli
 
-ROOT = Path(__file__).parents[1]
-TRACE = ROOT / "tests" / "data" / "guldstrand_force7.txt"
-
 SMALL = """
 name = "small"
 units = "natural"
@@ -178,10 +175,8 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("simulate rig.toml -o run.csv", "a run is written as .nc"),
         ("export rig.toml --to statespace --poles 5.5", "must be a whole number"),
         ("sweep --status --store s --plot a.png", "--plot: is not drawn with --status"),
-        (
-            "surface h --pressure 1 --material pmma --young 7GPa",
-            "--young: follows from",
-        ),
+        ("surface h --pressure 1", "--material: is missing: glass or pmma"),
+        ("surface h --pressure 1 --material pmma --young 7GPa", "--young: follows"),
         ("map rig.toml --over leaf,mass", "Slider has no leaf to vary; choose stiff"),
         *((f"map rig.toml --over mass{s}", " parameters") for s in ("", ",mass")),
         ("map rig.toml --over stiffness,colour", "'colour'"),

@@ -301,8 +301,6 @@ def test_other_methods_go_through_their_engines(interface, method):
 
 
 STATE = ss.Element(BASE, ss.Contacts(10)).save()
-
-
 OLD_AREAS = {"areas": ss.model.Areas(TENTH), "ageing": GROWTH}
 
 

@@ -286,8 +286,6 @@ SCATTERED = replace(SPREAD, interface=SCATTER)
 RIGID = replace(SPREAD, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0))
 BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
 RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
-
-
 REFUSED = (
     lambda: speed(ALIKE, 1.0),
     "prestress = 1: must be .* below 1",

@@ -225,8 +225,6 @@ def test_a_run_is_made_again_from_what_it_says(name):
 
 # the quick suite takes the last of each method and body: files take most of the time
 LAST = {name.partition(":")[0]: name for name in PAIRS}.values()
-
-
 SLOW = {name: pytest.mark.slow for name in PAIRS if name not in LAST}
 
 

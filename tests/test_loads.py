@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from benches import imbalance
 from refusals import refused
 
 import stickslip as ss
@@ -28,18 +29,10 @@ FIELDS = [
 INTERFACES = [DELAYED, *(ss.Interface(thresholds=TENTH, **more) for more in FIELDS)]
 FEW = ss.Contacts(200, seed=1)
 LENGTHS = ("displacement", "velocity", "spring_force", "friction_force")
-ENERGIES = ("kinetic_energy", "contact_energy", "damped_energy", "broken_energy")
 
 
 def pulled(interface, drive, slider=SLIDER, method=FEW, **options):
     return ss.Rig(interface, slider, drive, method=method, **options)
-
-
-def imbalance(run):
-    """Return the imbalance of the work and the energies."""
-    parts = [*ENERGIES, *{"spring_energy"} & {*run}]
-    left = run["work"] - sum(run[name] for name in parts)
-    return np.ptp(left.values) / run["work"].values.max()
 
 
 @pytest.mark.parametrize("start", [ss.FromRest(), ss.FromSliding()], ids=repr)
@@ -229,11 +222,7 @@ def test_a_file_gives_loads_and_forces_at_times():
         (BRAKE, {"load": []}, "drive.load"),
         (BRAKE, {"force": "3 N"}, "give velocity or pieces or force, not both"),
         (WEIGHT, {"distance": "1 mm"}, "not both"),
-        (
-            WEIGHT,
-            {"force": [{"start": 3.0}]},
-            "drive.force[0].start = 3.0: has no unit",
-        ),
+        (WEIGHT, {"force": [{"start": 3.0}]}, "force[0].start = 3.0: has no unit"),
         (WEIGHT, {"force": []}, "drive.force = []: must be a list"),
         (WEIGHT, {"force": "3 m"}, "drive.force = '3 m'"),
         (WEIGHT, {"force": "3 N"}, "drive.duration: is missing"),

@@ -1126,8 +1126,6 @@ BOTH = slice(None)
 UP = slice(0.0, 400.0)
 DOWN = slice(400.01, None)
 NOWHERE = (8.0, 9.0)
-
-
 LATE = {"up": (1.4, 9.0), "down": (0.7, 9.0)}
 INSIDE = {"up": (1.4, 2.4), "down": (0.7, 2.0)}
 FALLING = {"up": NOWHERE, "down": (0.0, 2.0), "start": 0.9}

@@ -255,8 +255,7 @@ def test_peaks_of_slips_follow_the_factor_of_their_track(contacts):
 
 
 def peaks_of_a_block(method, scatter):
-    thresholds = ss.Gaussian(mean=1.0, std=0.02)
-    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.1))
+    interface = ss.Interface(thresholds=NARROW, delay=ss.Delay(0.1))
     interface = replace(interface, slip_to_slip_scatter=scatter)
     alone = ss.Chain(blocks=2, coupling=1e-6, mass=1e-4, damping=100.0, leaf=0.3)
     run = ss.simulate(ss.Rig(interface, alone, ss.constant(1.0, 150.0), method=method))
@@ -306,11 +305,7 @@ def test_steady_force_in_numbers():
 
 
 FIG7 = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
-
-
 HOT = {"activation": ss.Bell(width=0.01, attempts=1e6)}
-
-
 SLOW = pytest.mark.slow
 CARRIED = [(0.0, ()), (0.1, SLOW), (0.3, ())]
 DELAYS = [(0.1, ()), (0.13, SLOW), (0.2, ())]
@@ -387,8 +382,6 @@ def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damp
 
 WIDE = ss.Gaussian(mean=1.0, std=0.2)
 SCATTERED = ss.RandomDelay(mean=0.3, std=0.1)
-
-
 SOME_DELAYS = ss.Delay(0.0), ss.Delay(0.2), ss.Delay(math.inf), SCATTERED
 
 

@@ -57,14 +57,11 @@ def test_a_default_that_was_taken_is_assumed_with_its_value(document):
 
 
 RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
-
-
 DELAYS = RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms"
 UNIFORM = {"distribution": "uniform", "low": 0.2, "high": 1}
 PIECE = {"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}
 MASTER = {"method": "master equation", "rtol": 7e-4}
 GAUSSIAN = {"distribution": "gaussian"}
-EMPIRICAL = {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -34,20 +35,16 @@ def sphere(n, radius, curvature):
     return height, 4.0 / 3.0 * radius**3 / curvature / n**2
 
 
-@pytest.mark.parametrize(("n", "error"), [(256, 0.025), (512, 0.01)])
+LARGE = pytest.param(1024, 0.005, marks=pytest.mark.slow)  # 5 s
+
+
+@pytest.mark.parametrize(("n", "error"), [(256, 0.025), (512, 0.01), LARGE])
 def test_a_sphere_touches_as_hertz_says(n, error):
     radius, curvature = n // 15, 400.0
     height, pressure = sphere(n, radius, curvature)
     p = press(height, 1.0, pressure, 1.0)
     assert np.count_nonzero(p) / (np.pi * radius**2) == pytest.approx(1.0, abs=error)
     assert p.max() == pytest.approx(2.0 / np.pi * radius / curvature, rel=1e-3)
-
-
-@pytest.mark.slow  # 5 s
-def test_a_large_sphere_touches_as_hertz_says():
-    height, pressure = sphere(1024, 68, 1600.0)
-    p = press(height, 1.0, pressure, 1.0)
-    assert np.count_nonzero(p) / (np.pi * 68**2) == pytest.approx(1.0, abs=0.005)
 
 
 @pytest.mark.parametrize("part", [0.1, 0.6])
@@ -59,22 +56,32 @@ def test_a_wave_touches_as_westergaard_says(part):
     assert p.max() == pytest.approx(2.0 * math.sqrt(part) * full, rel=1e-3)
 
 
-TABLE = [
-    (256, 16, 2e-4, math.inf, 0.03973, 0.3070),
-    (256, 16, 2e-4, 0.01, 0.04004, 0.3058),
-    pytest.param(512, 32, 5e-4, math.inf, 0.05975, 0.6848, marks=pytest.mark.slow),
-]
+UNIT = ss.surface.Material(young=2.0 * (1.0 - 0.3**2))  # with a contact modulus of 1 Pa
+FINER = 512, 32, 5e-4, math.inf, 0.05975, 0.6848, 1.313
 
 
-@pytest.mark.parametrize(("n", "most", "pressure", "hardness", "area", "length"), TABLE)
-def test_rough_surfaces_touch(n, most, pressure, hardness, area, length):
-    """Areas and lengths agree with a kept table."""
-    p = press(waves(n, most), 1.0 / n, pressure, 1.0, hardness=hardness)
+@pytest.mark.parametrize(
+    ("n", "most", "pressure", "hardness", "area", "length", "effective"),
+    [
+        (256, 16, 2e-4, math.inf, 0.03973, 0.3070, 4.077),
+        (256, 16, 2e-4, 0.01, 0.04004, 0.3058, 4.074),
+        pytest.param(*FINER, marks=pytest.mark.slow),
+    ],
+)
+def test_rough_surfaces_touch(n, most, pressure, hardness, area, length, effective):
+    """Areas, lengths and numbers of effective contacts agree with a kept table."""
+    height = waves(n, most)
+    p = press(height, 1.0 / n, pressure, 1.0, hardness=hardness)
     stiffness = tangential_stiffness(p, 1.0 / n, 1.0, 0.3)
     assert p.mean() == pytest.approx(pressure, rel=1e-9)
     assert p.max() <= hardness
     assert np.count_nonzero(p) / p.size == pytest.approx(area, abs=5.1e-6)
     assert pressure / stiffness / 1e-3 == pytest.approx(length, abs=5.1e-5)
+    body = replace(UNIT, hardness=hardness)
+    seen = ss.surface.contacts(height, 1.0 / n, pressure=pressure, material=body)
+    assert float(seen["effective_number"][0]) == pytest.approx(effective, abs=5.1e-4)
+    assert "effective contacts" in seen.attrs["note"]
+    assert "correlation lengths" in seen.attrs["note"]
 
 
 def test_all_contact_at_the_hardness_bears_on_the_highest_nodes():
@@ -84,11 +91,6 @@ def test_all_contact_at_the_hardness_bears_on_the_highest_nodes():
     borne = p >= 4e-4
     assert np.count_nonzero(borne) == p.size // 2
     assert height[borne].min() >= height[p == 0.0].max()
-
-
-def test_more_load_than_the_hardness_is_refused():
-    with pytest.raises(ss.InputError, match="is not below the hardness"):
-        press(waves(64, 4), 1.0 / 64, 2e-3, 1.0, hardness=1e-3)
 
 
 def test_a_disc_is_a_little_stiffer_in_its_cell_than_alone():
@@ -109,7 +111,6 @@ def test_progress_runs_to_the_end_of_a_solution():
 # ------------------------------------------------------------------ contacts of a map
 
 SURFACE = ss.surface
-UNIT = SURFACE.Material(young=2.0 * (1.0 - 0.3**2))  # with a contact modulus of 1 Pa
 
 
 @pytest.fixture(scope="module")
@@ -125,23 +126,6 @@ def found(rough):
 
 def finest(found, name):
     return found[name].to_numpy()[found["resolution_of"].to_numpy() == 0]
-
-
-@pytest.mark.parametrize(
-    ("case", "effective"),
-    [
-        ((256, 16, 2e-4, math.inf), 4.077),
-        ((256, 16, 2e-4, 0.01), 4.074),
-        pytest.param((512, 32, 5e-4, math.inf), 1.313, marks=pytest.mark.slow),
-    ],
-)
-def test_effective_contacts_are_those_of_the_table(case, effective):
-    n, most, pressure, hardness = case
-    body = SURFACE.Material(young=UNIT.young, hardness=hardness)
-    seen = SURFACE.contacts(waves(n, most), 1.0 / n, pressure=pressure, material=body)
-    assert float(seen["effective_number"][0]) == pytest.approx(effective, abs=5.1e-4)
-    assert "effective contacts" in seen.attrs["note"]
-    assert "correlation lengths" in seen.attrs["note"]
 
 
 def test_contacts_carry_the_load_and_have_the_stiffness_of_all(found):
@@ -335,11 +319,6 @@ def test_a_file_that_is_no_map_is_refused(name, tmp_path):
         SURFACE.read(file, **given)
 
 
-def test_a_file_that_is_missing_is_refused():
-    with pytest.raises(ss.InputError, match="no such file"):
-        SURFACE.read("nowhere.npz")
-
-
 def test_a_light_load_is_borne_by_few_nodes(rough):
     p = press(rough.to_numpy(), 1e-6, 50, 1e9)
     assert 1 <= np.count_nonzero(p) < 10
@@ -401,8 +380,6 @@ def test_what_is_no_length_or_no_si_rig_is_refused(found):
     told = SURFACE.estimate(found)
     with pytest.raises(ss.InputError, match="must be 'renewal' or 'elastic'"):
         SURFACE.rig(told, length="plastic")
-    with pytest.raises(ss.InputError, match="must be 'renewal' or 'elastic'"):
-        SURFACE.interface(found, length="plastic")
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
     thresholds = ss.Gaussian(mean=1.0, std=0.1)
     natural = ss.Rig(ss.Interface(thresholds=thresholds), slider, ss.constant(1.0))
@@ -439,16 +416,6 @@ def test_a_command_takes_numbers_of_a_material_and_prints_json(heights, capsys):
     assert main(["surface", str(heights), *given]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["elastic"] < told["renewal"]
-
-
-NO_MATERIAL = [], "--material: is missing: glass or pmma"
-NO_KNOWN = ["--material", "steel"], "for others give --young"
-
-
-@pytest.mark.parametrize(("given", "words"), [NO_MATERIAL, NO_KNOWN])
-def test_a_command_asks_for_the_material(heights, given, words, capsys):
-    assert main(["surface", str(heights), "--pressure", "2 MPa", *given]) == 2
-    assert words in capsys.readouterr().err
 
 
 def test_the_picture_shows_the_contacts_and_the_doubt(found):

@@ -33,7 +33,6 @@ from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
 from stickslip.sweep.theory import with_theory
 
 ROOT = Path(__file__).parents[1]
-EXAMPLE = rigs.EXAMPLES / "phase_diagram.toml"
 BENCH = rigs.EXAMPLES / "pmma_slider.toml"
 
 GAUSSIAN = {"distribution": "gaussian", "std": 0.1}
