@@ -739,7 +739,9 @@ def _look_past_waves(seen: Window) -> Window:
     were negated.
     """
     trace = seen.trace
-    if trace.pace is not None or seen.swing.value < TINY or seen.is_stick_slip:
+    if trace.pace is not None or seen.is_white_noise or seen.is_stick_slip:
+        return seen
+    if seen.swing.value < TINY:
         return seen
     if (period := _fast_period(trace.force)) > 1:
         force = uniform_filter1d(trace.force, period, mode="nearest")
