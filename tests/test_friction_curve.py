@@ -288,7 +288,7 @@ def test_viscosity_is_a_damping_of_its_own():
         ({"delay": "1 ms"}, "give friction or delay"),
         ({"friction": [["1 mm/s"]]}, r"friction\[0\] = .*must be a point, such as"),
         ({"friction": [["1 mm/s", 0.3]]}, "at two speeds or more"),
-        ({"friction": "mu.csv"}, "beside a rig file only"),
+        ({"friction": "mu.csv"}, "only a rig file may name a"),
         ({"friction": [["1 mm/s", 0.3], ["2 mm/s", "20 N"]]}, "must be all forces"),
         ({"friction": [["1 m", 0.3], ["2 mm/s", 0.2]]}, r"friction\[0\] = '1 m'"),
         ({"mu_s": 0.2}, r"mu_s: mu_s/mu_k = 0.6667: must be between"),
