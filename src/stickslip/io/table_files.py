@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import InputError, shortened
-from stickslip.io.headings import Heading, ratio, with_coefficients
+from stickslip.io.headings import Heading, with_coefficients
 from stickslip.io.table_text import (
     FEWEST_READINGS,
     MOST_COLUMNS,
@@ -228,8 +228,8 @@ def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
     """Return a note of the sheets or columns that were left out, if there are any."""
     if not left:
         return ()
-    named = ", ".join(left[:5]) + (f" and {len(left) - 5} more" * (len(left) > 5))
     many = f"{len(left)} other {kind}{'s' * (len(left) > 1)}"
+    named = shortened(", ".join(left))
     return (f"read {read}; {many} with numbers left out: {named}",)
 
 
@@ -246,12 +246,13 @@ def _of_tdms(raw: bytes) -> Table:
     named = {path: one[:] for path, one in channels.items()}
     headings = {path: _heading_of_channel(one) for path, one in channels.items()}
     table = _of_named(named, "channel", headings)
-    steps = {
-        _step_of(one.properties)
-        for path, one in channels.items()
-        if len(named[path]) == table.rows.size
-    } - {0.0}
-    return table._replace(step=steps.pop() if len(steps) == 1 else None)
+    steps = []
+    for path, one in channels.items():
+        step = one.properties.get("wf_increment")
+        unit = one.properties.get("wf_xunit_string") or "s"  # 1/s in a spectrum
+        if len(named[path]) == table.rows.size:
+            steps.append(f"step = {step} {unit}")
+    return table._replace(step=step_stated(steps))
 
 
 def _heading_of_channel(channel: Any) -> Heading:
@@ -261,15 +262,6 @@ def _heading_of_channel(channel: Any) -> Heading:
         if unit := channel.properties.get(key):
             return heading._replace(unit=str(unit))
     return heading
-
-
-def _step_of(properties: Mapping[str, Any]) -> float:
-    """Return the sampling interval of a channel of a TDMS file in s; 0 if it has none,
-    as in a spectrum, whose interval is in 1/s.
-    """
-    step = float(properties.get("wf_increment") or 0.0)
-    unit = str(properties.get("wf_xunit_string") or "s")
-    return step * (ratio(unit, "s") or 0.0)
 
 
 _READERS = (
