@@ -24,7 +24,7 @@ _LABELS: dict[str, list[str]] = _TABLES["labels"]
 WEIGHTS: dict[str, str] = _TABLES["weights"]
 _MOST_ROWS = 3  # number of lines above a table in which names of columns are expected
 _MOST_WORDS = max(name.count(" ") for name in _NAMED) + 1
-_TIMES = " *·.-"  # signs between the units of a product: N m, N·m, ft-lb
+_PRODUCT_SIGNS = " *·.-"  # signs between the units of a product: N m, N·m, ft-lb
 _DECADES = {"": 0} | {prefix: power for prefix, (_, power) in PREFIXES.items()}
 
 # brackets of all kinds, also the wide ones of East Asia, become round ones
@@ -67,8 +67,8 @@ def _torque(plain: str) -> tuple[str, float] | None:
     and with any sign between them.
     """
     for cut in range(1, len(plain)):
-        first = _simple_unit(plain[:cut].rstrip(_TIMES))
-        second = _simple_unit(plain[cut:].lstrip(_TIMES))
+        first = _simple_unit(plain[:cut].rstrip(_PRODUCT_SIGNS))
+        second = _simple_unit(plain[cut:].lstrip(_PRODUCT_SIGNS))
         if first and second and {first[0], second[0]} == {"force", "length"}:
             return "torque", first[1] * second[1]
     return None
@@ -214,11 +214,14 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     Lines of dashes, and the label of a line ("Unit"), are ignored. Lines with such a
     label may stand anywhere above the table, others only right above it.
     """
-    plain = [[_text_of(cell) for cell in row] for row in rows]
-    labelled = [
-        row for row, given in zip(plain, rows, strict=True) if _has_label(given)
-    ]
-    plain = [row for row in plain if any(row)]
+    labelled = []
+    plain = []
+    for cells in rows:
+        row = [_text_of(cell) for cell in cells]
+        if any(row):
+            plain.append(row)
+        if simple(cells[0].strip(' "\t')) in _LABELS["rows"]:
+            labelled.append(row)
     near = plain[-_MOST_ROWS:]
     # names of channels and sampling rates may stand below the line of names
     if not any(map(count_named, near)):
@@ -236,11 +239,6 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
 def count_named(row: Sequence[str]) -> int:
     """Return the number of cells in a line that name a quantity."""
     return sum(bool(Heading.read(cell).quantity) for cell in row)
-
-
-def _has_label(row: Sequence[str]) -> bool:
-    """Return whether a line begins with a label, such as "Unit"."""
-    return simple(row[0].strip(' "\t')) in _LABELS["rows"]
 
 
 def _text_of(cell: str) -> str:
@@ -279,10 +277,9 @@ def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
     """Return the headings, where a column "friction" without a unit has the unit 1 if
     at least two other columns have units, as it is then a coefficient.
     """
-    if sum(bool(heading.unit) for heading in headings) < 2:
-        return [*headings]
-    bare = [not unit and simple(name) == "friction" for name, unit in headings]
-    return [
-        heading._replace(unit="1") if is_bare else heading
-        for heading, is_bare in zip(headings, bare, strict=True)
-    ]
+    found = [*headings]
+    if sum(bool(heading.unit) for heading in headings) >= 2:
+        for i, (name, unit) in enumerate(headings):
+            if not unit and simple(name) == "friction":
+                found[i] = Heading(name, "1")
+    return found

@@ -238,19 +238,19 @@ def _of_tdms(raw: bytes) -> Table:
     import nptdms
 
     file = nptdms.TdmsFile.read(io.BytesIO(raw))
-    channels = {
-        f"{one.group_name}/{one.name}": one
-        for group in file.groups()
-        for one in group.channels()
-    }
-    named = {path: one[:] for path, one in channels.items()}
-    headings = {path: _heading_of_channel(one) for path, one in channels.items()}
+    channels = [channel for group in file.groups() for channel in group.channels()]
+    named = dict[str, Any]()
+    headings = {}
+    for channel in channels:
+        name = f"{channel.group_name}/{channel.name}"
+        named[name] = channel[:]
+        headings[name] = _heading_of_channel(channel)
     table = _of_named(named, "channel", headings)
     steps = []
-    for path, one in channels.items():
-        step = one.properties.get("wf_increment")
-        unit = one.properties.get("wf_xunit_string") or "s"  # 1/s in a spectrum
-        if len(named[path]) == table.rows.size:
+    for channel in channels:
+        step = channel.properties.get("wf_increment")
+        unit = channel.properties.get("wf_xunit_string") or "s"  # 1/s in a spectrum
+        if len(channel) == table.rows.size:
             steps.append(f"step = {step} {unit}")
     return table._replace(step=step_stated(steps))
 

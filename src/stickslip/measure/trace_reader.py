@@ -17,7 +17,7 @@ from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
 from stickslip.io.clocks import DAY, are_days, unit_since_1970
-from stickslip.io.headings import WEIGHTS, kind_of, ratio, unit_named
+from stickslip.io.headings import WEIGHTS, Heading, kind_of, ratio, unit_named
 from stickslip.io.table_files import read_table
 from stickslip.io.table_text import Table, read_cell
 from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
@@ -159,14 +159,7 @@ def read_trace(
         notes = [*table.notes, *taken, *notes]
         del table
         heading = chosen["force"].heading
-        size = 1.0
-        force_unit = heading.unit
-        if scale:
-            size, force_unit = _scale(scale, force_unit)
-        elif heading.quantity == "coefficient":
-            kind, of_one = unit_named(force_unit) or ("number", 1.0)
-            if kind != "signal":
-                size, force_unit = of_one, "1"
+        size, force_unit = _scale(scale, heading)
         values["force"] *= size
     except InputError as error:
         # change the error itself, as a new one would not have its notes
@@ -216,18 +209,23 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     return "; ".join([*named, f"{data.sizes['time']} readings, one every {each}"])
 
 
-def _scale(text: str, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit of force in a text such as 2.5 N/V, for readings
-    with a unit.
+def _scale(text: str, heading: Heading) -> tuple[float, str]:
+    """Return the factor and the unit of the force for a column of readings, from a text
+    such as 2.5 N/V if it is not empty. A coefficient of friction has the unit 1.
     """
+    unit = heading.unit
+    if not text and heading.quantity == "coefficient":
+        kind, size = unit_named(unit) or ("number", 1.0)
+        return (1.0, unit) if kind == "signal" else (size, "1")
+    if not text:
+        return 1.0, unit
     match = SCALE.fullmatch(text)
     if match:
-        size = read_cell(match[1])[0]
-        kind = kind_of(match[2])
+        force = read_cell(match[1])[0]
         of = match[3] or unit
-        fits = ratio(unit, of) if unit and unit != of else 1.0
-        if size and fits and kind in ("force", "torque"):
-            return size * fits, match[2]
+        readings = ratio(unit, of) if unit and unit != of else 1.0
+        if force and readings and kind_of(match[2]) in ("force", "torque"):
+            return force * readings, match[2]
     here = f", of a column in {unit}" if unit else ""
     raise refused(
         "scale", text, f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
