@@ -86,8 +86,8 @@ def turn_of(text: str) -> float:
 
 
 def are_days(first: float, last: float) -> bool:
-    """Whether times are likely days of a spreadsheet or of MATLAB, within one day: as
-    seconds, they would begin half a day late, and span less than one second.
+    """Return whether times are likely days of a spreadsheet or of MATLAB, within one
+    day: as seconds, they would begin half a day late, and span less than a second.
     """
     of_this_century = [low <= first and last <= high for low, high in _DAYS]
     return any(of_this_century) and last - first < 1.0

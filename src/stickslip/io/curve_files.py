@@ -32,8 +32,9 @@ def friction_points(path: Path) -> list[list[float | str]]:
         used = [_column(table, name) for name in _QUANTITIES]
         used += [i for i in table.numeric if _is_error(table, i)][:1]
         read = table.read(used)
-        for row in np.argwhere(~np.isfinite(list(read.values())))[:1, 1].tolist():
-            line = int(table.rows[row])
+        are_numbers = np.isfinite([*read.values()]).all(axis=0)
+        if not are_numbers.all():
+            line = int(table.rows[np.argmin(are_numbers)])
             raise InputError(f"line {line} = {table.line(line)!r}: must be numbers")
     except InputError as error:
         raise InputError(f"{path.name}: {error}") from None

@@ -97,7 +97,7 @@ class Table(NamedTuple):
             named = f"{i + 1} '{heading}'" if heading.name else f"{i + 1}"
             none = "" if i in self.numeric else " (no numbers such as 1234.5)"
             shown.append(named + none)
-        return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
+        return ", ".join(shown[:12]) + (" ..." if len(shown) > 12 else "")
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
@@ -215,7 +215,7 @@ def as_utf8(raw: bytes) -> bytes:
     try:
         raw.decode()
     except UnicodeDecodeError:
-        # older instruments write µ and ° so
+        # older instruments write µ and ° in Latin-1
         raw = raw.decode("latin-1").encode()
     raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     # a long file is copied only if that is necessary
@@ -296,7 +296,8 @@ def read_text(
     above = [line for i, line in head if i < start]
     named = [row for line in above if (row := fit.cells_above(line))]
     if not decimal:
-        first = layout.split(lines.line(start))  # 0,010 has no thousands
+        # the first row may show that commas are decimal signs, as in 0,010
+        first = layout.split(lines.line(start))
         numbers = [cell for i in fit.numeric for cell in (first[i], *columns[i])]
         _refuse_unclear_commas(fit, sample, numbers, bool(named or delimiter))
     headings = headings_of(named, fit.width)
@@ -352,7 +353,7 @@ def _fitted(layout: _Layout, sample: list[str]) -> tuple[_Fit, list[tuple[str, .
     columns = [*zip(*(row for row in cells if len(row) == width), strict=True)]
     numeric = [i for i, column in enumerate(columns) if layout.numbers(column) >= 0.5]
     filled = [i for i, column in enumerate(columns) if any(map(str.strip, column))]
-    filled = filled or [0]  # cells without any text
+    filled = filled or [0]  # all cells are blank
     return _Fit(layout, numeric, filled[0], filled[-1] + 1, width), columns
 
 
@@ -517,7 +518,6 @@ def _since_first(times: Array, turn: float) -> Array:
     if since.max(initial=0.0) <= turn:
         leaps = np.diff(since, prepend=since[:1]) < -0.5 * turn
         since = since + turn * np.cumsum(leaps)
-    times = times.copy()
     times[known] = since - since[:1]
     return times
 
@@ -550,7 +550,6 @@ def _cells(
             skip_blank_lines=False,
             skipinitialspace=True,
             quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
-            encoding_errors="replace",
             # read at once, as pandas otherwise warns of texts among the numbers
             low_memory=False,
         )[1:]

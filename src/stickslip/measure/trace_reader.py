@@ -129,11 +129,10 @@ def read_trace(
     seconds = (
         None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     )
-    column, colon, scale = str(force).rpartition(":")
-    if colon and SCALE.fullmatch(scale):
+    column, colon, text = str(force).rpartition(":")
+    scale = SCALE.fullmatch(text) if colon else None
+    if scale:
         force = column or None
-    else:
-        scale = ""
     raw = files.read(path, "force trace", largest=LARGEST_FILE)
     try:
         table = read_table(raw, delimiter, decimal)
@@ -209,26 +208,25 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     return "; ".join([*named, f"{data.sizes['time']} readings, one every {each}"])
 
 
-def _scale(text: str, heading: Heading) -> tuple[float, str]:
-    """Return the factor and the unit of the force for a column of readings, from a text
-    such as 2.5 N/V if it is not empty. A coefficient of friction has the unit 1.
+def _scale(scale: re.Match[str] | None, heading: Heading) -> tuple[float, str]:
+    """Return the factor and the unit of the force for a column of readings: those of a
+    given scale, 2.5 N/V, or of the column. A coefficient of friction has the unit 1.
     """
     unit = heading.unit
-    if not text and heading.quantity == "coefficient":
+    if scale is None and heading.quantity == "coefficient":
         kind, size = unit_named(unit) or ("number", 1.0)
         return (1.0, unit) if kind == "signal" else (size, "1")
-    if not text:
+    if scale is None:
         return 1.0, unit
-    match = SCALE.fullmatch(text)
-    if match:
-        force = read_cell(match[1])[0]
-        of = match[3] or unit
-        readings = ratio(unit, of) if unit and unit != of else 1.0
-        if force and readings and kind_of(match[2]) in ("force", "torque"):
-            return force * readings, match[2]
+    number, force_unit, given = scale.groups()
+    force = read_cell(number)[0]
+    of = given or unit
+    readings = ratio(unit, of) if unit and unit != of else 1.0
+    if force and readings and kind_of(force_unit) in ("force", "torque"):
+        return force * readings, str(force_unit)
     here = f", of a column in {unit}" if unit else ""
     raise refused(
-        "scale", text, f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
+        "scale", scale[0], f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
     )
 
 
@@ -243,10 +241,10 @@ def _rows(
     values.setdefault("time", step * np.arange(table.rows.size, dtype=float))
     lines, notes = _without_a_last_row(table, values)
     blank = np.isfinite(values["time"]) & np.isnan(values["force"])
-    many = np.count_nonzero(blank)
+    count = np.count_nonzero(blank)
     # the force was recorded less often than another quantity
-    if 0.5 * blank.size <= many < blank.size:
-        notes.append(f"{many} of {blank.size} rows hold no force and are left out")
+    if 0.5 * blank.size <= count < blank.size:
+        notes.append(f"{count} of {blank.size} rows hold no force and are left out")
         lines = lines[~blank]
         values = {name: each[~blank] for name, each in values.items()}
         blank = blank[~blank]
@@ -301,26 +299,28 @@ def _unreadable(
         f"line {line}: {shortened(table.line(line))!r}"
         for line in lines[bad][:5].tolist()
     ]
-    many = np.count_nonzero(bad)
+    count = np.count_nonzero(bad)
     if wrong > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         raise InputError(
-            f"{many} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
+            f"{count} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
             "each needs a finite number, in the unit of the others and not far outside "
             "the rest"
         )
-    left = bad.size - many
+    left = bad.size - count
     if left < FEWEST_READINGS:
         raise InputError(
             f"{left} readings are too few to judge; at least {FEWEST_READINGS} are "
             "needed"
         )
-    if not many:
+    if not count:
         return []
-    if many > 5:
-        shown_lines.append(f"and {many - 5} more")
-    most = f", up to {FEWEST_READINGS} in turn" if many > FEWEST_READINGS else ""
+    if count > 5:
+        shown_lines.append(f"and {count - 5} more")
+    most = ""
+    if count > FEWEST_READINGS:
+        most = f", up to {FEWEST_READINGS} in succession"
     return [
-        f"{many} of {lines.size} rows could not be read; the force there is "
+        f"{count} of {lines.size} rows could not be read; the force there is "
         f"interpolated in time{most} ({'; '.join(shown_lines)})"
     ]
 
@@ -361,8 +361,8 @@ def _put_in_turn(
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
         return []
-    many = f"{back.size + 1} tests, joined one after another"
-    return [f"the clock restarts at line {line}: {many}"]
+    tests_joined = f"{back.size + 1} tests, joined one after another"
+    return [f"the clock restarts at line {line}: {tests_joined}"]
 
 
 def _times_must_rise(row: str, times: Array, *, is_clock: bool) -> InputError:
