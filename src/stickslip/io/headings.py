@@ -166,7 +166,7 @@ class Heading(NamedTuple):
         named = _quantities_of(self.name)
         if named:
             return any(kind in _TABLES["kinds"].get(each, ()) for each in named)
-        is_minimum = self.unit.lower() == "min"
+        is_minimum = self.unit.lower() == "min"  # rather than minutes
         return kind in _SURE and len(self.unit) > 1 and not is_minimum
 
     @property
@@ -256,7 +256,7 @@ def are_units(row: Sequence[str], *, alone: bool = False) -> bool:
     stands alone, all of them.
     """
     cells = [cell.strip('[]()" ') for cell in row if cell]
-    kinds = [found[0] for cell in cells if (found := unit_named(cell))]
+    kinds = [*filter(None, map(kind_of, cells))]
     are_quantities = not {*kinds} <= {"number", "percentage"}
     needed = len(cells) if alone else 0.5 * len(cells)
     return are_quantities and len(kinds) >= needed

@@ -166,9 +166,7 @@ def _of_named(
         if values.dtype.kind in "fiuM" and values.size >= FEWEST_READINGS
     }
     if not long:
-        raise InputError(
-            f"holds no column of numbers with at least {FEWEST_READINGS} of them"
-        )
+        raise InputError(f"holds no column of at least {FEWEST_READINGS} numbers")
     length = mode(map(len, long.values()))
     kept = [name for name in long if long[name].size == length]
     if len(kept) > MOST_COLUMNS:

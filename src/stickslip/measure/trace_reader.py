@@ -191,7 +191,8 @@ def _other_time(table: Table, step: float) -> list[str]:
         column = Choice(i, heading)
         if not heading.unit:
             by = f"{usual:.4g}"
-            return [f"{column}, which rises by {by}, is no time, as the step is given"]
+            note = "is not taken for the time, as the step is given"
+            return [f"{column}, which rises by {by}, {note}"]
         by = words.engineering(usual, heading.unit)
         raise InputError(
             f"step = {step:g} s: {column} rises by {by} instead; leave out the step"
