@@ -1,5 +1,5 @@
-"""Reading a measured friction curve from a file that a rig file names: columns of
-velocity, friction and, optionally, its error.
+"""Reading of measured friction curves from files that a rig file names: columns of
+velocity, friction and, optionally, the error of friction.
 """
 
 import re
@@ -15,30 +15,31 @@ from stickslip.io.table_text import Table
 
 _LARGEST = 1_000_000  # bytes
 _ERROR = re.compile("error|std|standard deviation|uncertainty|sigma", re.I)
-_MEANT = {"velocity": ["velocity"], "friction": ["coefficient", "force"]}
-"""What a heading may mean, the preferred first."""
+_QUANTITIES = {"velocity": ["velocity"], "friction": ["coefficient", "force"]}
+"""Quantities of either column, the preferred one first."""
 
 
 def friction_points(path: Path) -> list[list[float | str]]:
     """Return the points of a friction curve in the form of a rig file, as quantities
-    with the units of the heading.
+    with the units in the headings.
 
-    Raises `InputError` if the file has no column of velocities, or of friction, or
-    several.
+    Raises `InputError` if the file has no column of velocities or of friction, or
+    several, or a cell without a number.
     """
     raw = files.read(path, "friction curve", largest=_LARGEST)
     try:
         table = read_table(raw)
-        used = [_column(table, name) for name in _MEANT]
+        used = [_column(table, name) for name in _QUANTITIES]
         used += [i for i in table.numeric if _is_error(table, i)][:1]
         read = table.read(used)
-        for row in np.argwhere(~np.isfinite(list(read.values())))[:1, 1].tolist():
-            line = int(table.rows[row])
+        are_numbers = np.isfinite([*read.values()]).all(axis=0)
+        if not are_numbers.all():
+            line = int(table.rows[np.argmin(are_numbers)])
             raise InputError(f"line {line} = {table.line(line)!r}: must be numbers")
     except InputError as error:
         raise InputError(f"{path.name}: {error}") from None
     units = [table.headings[i].unit for i in used]
-    # the error has that of friction
+    # by default, the error has the unit of friction
     units[2:] = [unit or units[1] for unit in units[2:]]
     columns = [
         [_with_unit(value, unit) for value in read[i].tolist()]
@@ -48,12 +49,12 @@ def friction_points(path: Path) -> list[list[float | str]]:
 
 
 def _column(table: Table, name: str) -> int:
-    """The place of the column of velocities, or of friction."""
-    for meant in _MEANT[name]:
+    """Return the index of the column of velocities, or of friction."""
+    for quantity in _QUANTITIES[name]:
         found = [
             i
             for i in table.numeric
-            if table.headings[i].quantity == meant and not _is_error(table, i)
+            if table.headings[i].quantity == quantity and not _is_error(table, i)
         ]
         if len(found) == 1:
             return found[0]
@@ -66,13 +67,14 @@ def _column(table: Table, name: str) -> int:
 
 
 def _is_error(table: Table, place: int) -> bool:
+    """Return whether a column holds errors, by its name."""
     return bool(_ERROR.search(table.headings[place].name))
 
 
 def _with_unit(value: float, unit: str) -> float | str:
-    """A quantity as a rig file has it."""
+    """Return a quantity in the form of a rig file: a number, or a text with a unit."""
     kind, size = unit_named(unit) or ("", 1.0)
     is_number = not unit or kind in ("number", "percentage")
-    # the last digit of the file may say how well it is known
+    # round to the digits of the file, which may show the precision
     number = float(f"{value * size if is_number else value:.15g}")
     return number if is_number else f"{number!r} {unit}"

@@ -1,4 +1,4 @@
-"""The choice of the columns of a measured table by their names, units, and numbers."""
+"""Choice of the columns of a measured table by their names, units, and numbers."""
 
 import re
 from collections.abc import Mapping
@@ -11,7 +11,6 @@ from stickslip import words
 from stickslip.errors import InputError, printable, shown
 from stickslip.io.headings import (
     Heading,
-    Quantity,
     ratio,
     simple,
     unit_named,
@@ -22,22 +21,21 @@ from stickslip.measure.part_table import aligned
 from stickslip.measure.trace import Array
 
 ColumnName = str | int | None
-"""A column by its name, or by its number from 1; None to choose it automatically."""
+"""A column by its name, or by its number, counted from 1; None for automatic choice."""
 _VALUES = {"load": "'20 N'", "velocity": "--velocity '0.1 mm/s'"}
 """Quantities that may be given as values in place of a column."""
 _MOST_SHOWN = 20  # columns listed where the user must choose one
 _LONGEST_NAME = 28  # characters of a name in that list
-# Largest difference between two steps of a column that rises evenly, over the median
-# step: times are often rounded so coarsely that a step of three units becomes two or
-# four.
+# Largest difference between two steps of a column that rises evenly, divided by the
+# median step: rounded times often change by two or four units where the step is three.
 _UNEVEN = 0.5
 
 
 class Column(NamedTuple):
     """A column of numbers."""
 
-    #: argument of `stickslip.read_trace` that chooses it: its name or, where others
-    #: share that, its number from 1
+    #: argument of `stickslip.read_trace` for the column: its name or, if other columns
+    #: have the same name, its number, counted from 1
     key: str
     heading: str  #: its number and its heading
     preview: str = ""  #: its range, and whether it rises evenly
@@ -75,32 +73,28 @@ def columns(content: bytes) -> list[Column]:
         heading = table.headings[i]
         is_alone = bool(names[i]) and names.count(names[i]) == 1
         key = heading.name if is_alone else str(i + 1)
-        low, high, rises = _range(values)
-        preview = f"{low} to {high}" if high else "no numbers"
         title = f"{i + 1}: {heading}".strip(": ")
-        found.append(Column(key, title, preview + f", {rises}" * bool(rises)))
+        found.append(Column(key, title, _range(values)))
     return found
 
 
-def _range(values: Array) -> tuple[str, str, str]:
-    """Return as texts the smallest and largest number, and whether they rise evenly;
-    empty where there are no numbers.
-    """
+def _range(values: Array) -> str:
+    """Return the range of numbers in words, and whether they rise evenly."""
     known = values[np.isfinite(values)]
     if not known.size:
-        return "", "", ""
-    rises = "rises evenly" if rises_evenly(known) else ""
-    return words.number(known.min()), words.number(known.max()), rises
+        return "no numbers"
+    text = f"{words.number(known.min())} to {words.number(known.max())}"
+    return f"{text}, rises evenly" if rises_evenly(known) else text
 
 
 def choose(
     table: Table, asked: Mapping[str, ColumnName], *, timed: bool
 ) -> tuple[dict[str, Choice], list[str]]:
-    """Choose the columns that were asked for, and the others by their names, units and
+    """Choose the columns that the user names, and the others by their names, units and
     numbers; return them with notes of the assumptions.
 
     No column of times is needed if the rows are `timed` by a given step. Raises
-    `InputError` where two columns could be the force or the time, or none; its note is
+    `InputError` if no column, or several, could be the force or the time; its note is
     a table of all columns.
     """
     chosen = {
@@ -128,52 +122,45 @@ def choose(
             chosen[name] = Choice(found[0], table.headings[found[0]])
         elif name == "time" and table.step:
             each = words.engineering(table.step, "s")
-            notes.append(f"times by the interval that the file states, {each}")
+            notes.append(f"times by the interval that the file gives, {each}")
         elif name in ("time", "force"):
             raise _question(table, name, found)
     return chosen, notes
 
 
 def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
-    """Return the columns whose headings name a quantity or, if none does, have its
-    unit. For the force, accept a coefficient of friction, the only column left, or a
-    load that may be the pulling force.
+    """Return the columns whose headings name a quantity or, if no heading does, have
+    its unit. The force may also be a coefficient of friction, the only column left, or
+    a load that is likely the pulling force.
     """
-    quantities = {i: table.headings[i].quantity for i in free}
-    preferred: list[tuple[Quantity, ...]] = [(name,)]  # type: ignore[list-item]
-    if name == "force":
-        preferred += [
-            ("coefficient",),
-            ("load", "") if len(free) == 1 else (),
-        ]
-    for kinds in preferred:
-        found = [i for i in free if quantities[i] in kinds]
-        named = [i for i in found if table.headings[i].is_named]
+    for quantity in ("force", "coefficient") if name == "force" else (name,):
+        found = [i for i in free if table.headings[i].quantity == quantity]
         if found:
-            return named or found
-    pulled = [i for i in free if _is_pulled_with(table.headings[i])]
-    if name != "force" or not pulled:
+            return [i for i in found if table.headings[i].is_named] or found
+    if name != "force":
         return []
+    if len(free) == 1 and table.headings[free[0]].quantity in ("load", ""):
+        return free
+    pulled = [i for i in free if _may_be_pull(table.headings[i])]
     others = table.read(_unnamed(table, free)).values()
-    return pulled if all(map(_is_a_count, others)) else []
+    return pulled if all(map(_counts_rows, others)) else []
 
 
-def _is_pulled_with(heading: Heading) -> bool:
-    """Whether a load may be the force of the test: testing machines call the force with
-    which they pull a load.
-    """
+def _may_be_pull(heading: Heading) -> bool:
+    """Return whether a load may be the pulling force, as testing machines call it."""
     words = {*simple(heading.name).split()}
     across = {"normal", "vertical", "nominal", "applied", "axial"}
     return heading.quantity == "load" and "load" in words and not words & across
 
 
 def _unnamed(table: Table, free: list[int]) -> list[int]:
+    """Return the columns whose headings give no quantity."""
     return [i for i in free if not table.headings[i].quantity]
 
 
 def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list[str]]:
-    """The one of some columns that rises evenly, as a time does, or the first of
-    several that rise together; none, where one just counts the rows.
+    """Return the columns that rise evenly, as a time does, with notes. Of columns that
+    rise together, return the first one, or none if it only counts the rows.
     """
     numbers = table.read(candidates) if candidates else {}
     even = [i for i in candidates if rises_evenly(numbers[i])]
@@ -185,26 +172,27 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
     most = _UNEVEN * float(np.median(steps))
     if any(np.any(np.abs(each - since[0]) > most) for each in since):
         return even, []
-    if _is_a_count(first):
+    if _counts_rows(first):
         return [], []
     choice = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{choice} rises evenly and is taken for the time"]
 
 
-def _is_a_count(values: Array) -> bool:
-    """Whether numbers rise by one, as those of the rows do."""
+def _counts_rows(values: Array) -> bool:
+    """Return whether numbers rise by 1 in each row."""
     return bool(np.all(np.diff(values[np.isfinite(values)]) == 1.0))
 
 
 def _seconds_since_first(times: Array, unit: str) -> Array:
-    """Times since the first one, in s where their unit is known."""
-    known = np.where(np.isfinite(times), times, np.nan)
-    first = known[np.isfinite(known)][0]
+    """Return times since the first one, in s if their unit is known."""
+    is_known = np.isfinite(times)
+    known = np.where(is_known, times, np.nan)
+    first = times[is_known][0]
     return np.asarray((known - first) * (ratio(unit, "s") or 1.0))
 
 
 def rises_evenly(values: Array) -> bool:
-    """Whether numbers rise by equal steps, within the rounding of a file."""
+    """Return whether numbers rise by equal steps, within the rounding of a file."""
     steps = np.diff(values[np.isfinite(values)])
     if not steps.size or np.any(steps <= 0.0):
         return False
@@ -212,8 +200,8 @@ def rises_evenly(values: Array) -> bool:
 
 
 def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
-    """Return a column given by name or number, with its unit after a colon:
-    ``3:mN``.
+    """Return the column that the user gives by its name or number, optionally with its
+    unit after a colon: ``3:mN``.
     """
     text = str(wanted)
     before, _, unit = text.rpartition(":")
@@ -238,7 +226,9 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
 
 
 def _question(table: Table, name: str, found: list[int]) -> InputError:
-    """Return an error that asks for the column of a quantity, with a table of all."""
+    """Return an error that asks for the column of a quantity; its note is a table of
+    all columns.
+    """
     first, *others = [f"--{name} {i + 1}" for i in found] or [f"--{name}"]
     options = " or ".join([first, *others[:1]])
     step = ", or give the step (--step, or step=)" if name == "time" else ""
@@ -251,25 +241,14 @@ def _question(table: Table, name: str, found: list[int]) -> InputError:
 
 
 def _preview(table: Table) -> str:
-    """Return a table of all columns of numbers: number, heading, range, first values,
-    and whether it rises evenly.
+    """Return a table of all columns of numbers: number, heading, first values, and
+    range.
     """
-    rows = [("column", "heading", "from", "to", "first values", "")]
+    rows = [("column", "heading", "first values", "range")]
     for i, values in table.read(table.numeric[:_MOST_SHOWN]).items():
-        low, high, rises = _range(values)
         name = str(table.headings[i])[:_LONGEST_NAME]
         first = ", ".join(map(words.number, values[np.isfinite(values)][:3].tolist()))
-        if high:
-            rows.append(
-                (
-                    str(i + 1),
-                    name,
-                    low,
-                    high,
-                    first,
-                    rises,
-                )
-            )
+        rows.append((str(i + 1), name, first, _range(values)))
     left = len(table.numeric) - _MOST_SHOWN
     more = [f"and {left} more columns"] if left > 0 else []
     return "\n".join([*aligned(rows), *more])

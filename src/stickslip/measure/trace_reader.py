@@ -1,4 +1,4 @@
-"""Reading a measured force trace from a file of an instrument."""
+"""Reading of measured force traces from files of instruments."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
 from stickslip.io.clocks import DAY, are_days, unit_since_1970
-from stickslip.io.headings import WEIGHTS, ratio, unit_named
+from stickslip.io.headings import WEIGHTS, Heading, kind_of, ratio, unit_named
 from stickslip.io.table_files import read_table
 from stickslip.io.table_text import Table, read_cell
 from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
@@ -30,12 +30,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LARGEST_FILE = 100_000_000  # bytes
-# 2.5 N/V: a number, its unit and, optionally, the unit of the reading
+# 2.5 N/V: a number, its unit and, optionally, the unit of the readings
 SCALE = re.compile(
     r"\s*([-+.\d]+(?:[eE][-+\d]+)?)\s*([^/\d\s][^/]*?)\s*(?:/\s*(\S+))?\s*"
 )
-FEW_UNREADABLE = 3  # rows, or ...
-UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
+# number, and fraction, of rows of which the larger may be unreadable
+FEW_UNREADABLE = 3
+UNREADABLE_FRACTION = 0.01
 
 
 def read_trace(
@@ -57,35 +58,36 @@ def read_trace(
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may
     be text before the table, names with units in brackets or in a line above or below,
     comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``).
-    Where rows cannot be read, and at spikes of a single sample, six standard deviations
-    off, the force is interpolated linearly in time, and that is reported; more than 3
-    unreadable rows, and more than 1 %, are an error. No reading is a blank cell, nan,
-    OL, or one value far outside the others, such as -9999; where such rows are more
-    than 16 in turn, a gap, or half of all, they are left out.
+    In rows that cannot be read, and at spikes of a single sample, six standard
+    deviations off, the force is interpolated linearly in time, and a note reports it;
+    more than 3 unreadable rows, if they are more than 1 %, are an error. A blank cell,
+    nan, OL, or one value far outside the others, such as -9999, means that there was no
+    reading; such rows are left out if they are more than 16 in succession, or at least
+    half of all.
 
-    Where the clock restarts, another test begins: its times are made to follow those of
-    the test before, and the tests are numbered as parts.
+    Where the clock restarts, another test begins: its times are shifted to follow those
+    of the test before, and the tests are numbered as parts.
 
-    Raises `InputError` if there is no such file, or it is no table of numbers, or no
-    such column; if the choice of the columns or a unit is not clear; if times do not
-    rise; if too many rows are unreadable, or fewer than 16 are left.
+    Raises `InputError` if there is no such file, it holds no table of numbers, or the
+    table has no such column; if the choice of the columns or a unit is not clear; if
+    times do not rise; if too many rows are unreadable, or fewer than 16 are left.
 
     Parameters
     ----------
     path : path
         The file; at most 100 MB.
     force, time, displacement, load, velocity : str or int, optional
-        Columns by name or by number, from 1. A unit may follow after a colon, if the
-        file has none: ``"3:mN"``; for the force also the force of a reading:
-        ``"3:2.5 N/V"``, ``":2.5 N/V"``. By default columns are chosen by their names or
-        units. The force may be a torque or a coefficient of friction, and is else the
-        only column of numbers left; the time is else a column without a name that rises
+        Columns by name or by number, counted from 1. A unit may follow after a colon if
+        the file has none: ``"3:mN"``; for the force, also the force of one reading:
+        ``"3:2.5 N/V"``, ``":2.5 N/V"``. By default, columns are chosen by their names
+        or units. The force may be a torque or a coefficient of friction, or the only
+        other column of numbers; the time may be a column without a name that rises
         evenly. The normal load may be a quantity: ``"20 N"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
-        Change the sign of the force: for a sensor that counts pull as negative, and has
-        an offset.
+        Whether to change the sign of the force, for a sensor with an offset that counts
+        pull as negative.
     delimiter : str, optional
         Separator of the columns; detected by default.
     decimal : {".", ","}, optional
@@ -99,8 +101,8 @@ def read_trace(
         `load` and `mu`, the force over the absolute load, `measured_velocity`, and
         `part`, the number of the test or of its step. Units are those of the file, or N
         and s if it has none. Attributes: ``source``; ``read``, the columns in words;
-        ``rows``, ``flipped``, ``spikes``; and ``note``, with what was interpolated and
-        what was assumed.
+        ``rows``, ``flipped``, ``spikes``; and ``note``, with the interpolations and
+        assumptions.
 
     Examples
     --------
@@ -127,15 +129,14 @@ def read_trace(
     seconds = (
         None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     )
-    column, colon, scale = str(force).rpartition(":")
-    if colon and SCALE.fullmatch(scale):
+    column, colon, text = str(force).rpartition(":")
+    scale = SCALE.fullmatch(text) if colon else None
+    if scale:
         force = column or None
-    else:
-        scale = ""
     raw = files.read(path, "force trace", largest=LARGEST_FILE)
     try:
         table = read_table(raw, delimiter, decimal)
-        del raw  # and the table, once read: they are as large as the file
+        del raw  # the content, and later the table, are as large as the file
         constant = (
             read_value("load", load, "N", "20 N")
             if isinstance(load, str) and read_cell(load)[1]
@@ -157,36 +158,24 @@ def read_trace(
         notes = [*table.notes, *taken, *notes]
         del table
         heading = chosen["force"].heading
-        size = 1.0
-        force_unit = heading.unit
-        if scale:
-            size, force_unit = _scale(scale, force_unit)
-        elif heading.quantity == "coefficient":
-            kind, of_one = unit_named(force_unit) or ("number", 1.0)
-            if kind != "signal":
-                size, force_unit = of_one, "1"
+        size, force_unit = _scale(scale, heading)
         values["force"] *= size
     except InputError as error:
-        error.args = (one_line(f"{path}: {error}"),)  # a new error would lose its note
+        # change the error itself, as a new one would not have its notes
+        error.args = (one_line(f"{path}: {error}"),)
         raise
     units = {"time": "s", "load": "N"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
     units |= {"force": force_unit, "part": "1"}
     if constant:
         values["load"] = np.full_like(values["force"], constant)
-    data = _dataset(
-        units,
-        values,
-        notes,
-        flip,
-        heading.is_torque,
-    )
+    data = _dataset(units, values, notes, flip=flip, is_torque=heading.is_torque)
     return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
 
 
 def _other_time(table: Table, step: float) -> list[str]:
-    """Return notes of a column of times that the given step contradicts; `InputError`
-    if that column has a unit.
+    """Return a note of a column of times that contradicts the given step; raises
+    `InputError` if that column has a unit.
     """
     for i in table.numeric:
         heading = table.headings[i]
@@ -202,7 +191,8 @@ def _other_time(table: Table, step: float) -> list[str]:
         column = Choice(i, heading)
         if not heading.unit:
             by = f"{usual:.4g}"
-            return [f"{column}, which rises by {by}, is no time, as the step is given"]
+            note = "is not taken for the time, as the step is given"
+            return [f"{column}, which rises by {by}, {note}"]
         by = words.engineering(usual, heading.unit)
         raise InputError(
             f"step = {step:g} s: {column} rises by {by} instead; leave out the step"
@@ -216,27 +206,28 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     named = [f"{name}: {chosen[name]}" for name in order]
     usual = float(np.median(np.diff(data["time"])))
     each = words.engineering(usual, data["time"].attrs["units"])
-    return "; ".join(
-        [
-            *named,
-            f"{data.sizes['time']} readings, one every {each}",
-        ]
-    )
+    return "; ".join([*named, f"{data.sizes['time']} readings, one every {each}"])
 
 
-def _scale(text: str, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit of force of a text such as 2.5 N/V."""
-    match = SCALE.fullmatch(text)
-    if match:
-        size = read_cell(match[1])[0]
-        kind = (unit_named(match[2]) or ("",))[0]
-        of = match[3] or unit
-        fits = ratio(unit, of) if unit and unit != of else 1.0
-        if size and fits and kind in ("force", "torque"):
-            return size * fits, match[2]
+def _scale(scale: re.Match[str] | None, heading: Heading) -> tuple[float, str]:
+    """Return the factor and the unit of the force for a column of readings: those of a
+    given scale, 2.5 N/V, or of the column. A coefficient of friction has the unit 1.
+    """
+    unit = heading.unit
+    if scale is None and heading.quantity == "coefficient":
+        kind, size = unit_named(unit) or ("number", 1.0)
+        return (1.0, unit) if kind == "signal" else (size, "1")
+    if scale is None:
+        return 1.0, unit
+    number, force_unit, given = scale.groups()
+    force = read_cell(number)[0]
+    of = given or unit
+    readings = ratio(unit, of) if unit and unit != of else 1.0
+    if force and readings and kind_of(force_unit) in ("force", "torque"):
+        return force * readings, str(force_unit)
     here = f", of a column in {unit}" if unit else ""
     raise refused(
-        "scale", text, f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
+        "scale", scale[0], f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
     )
 
 
@@ -244,17 +235,17 @@ def _rows(
     table: Table, chosen: Mapping[str, Choice], step: float
 ) -> tuple[dict[str, Array], list[str]]:
     """Return the chosen columns, with times, and notes of rows that cannot be read;
-    `InputError` if many cannot be read.
+    raises `InputError` if many rows cannot be read.
     """
     read = table.read([each.place for each in chosen.values()])
     values = {name: read[each.place] for name, each in chosen.items()}
     values.setdefault("time", step * np.arange(table.rows.size, dtype=float))
     lines, notes = _without_a_last_row(table, values)
     blank = np.isfinite(values["time"]) & np.isnan(values["force"])
-    many = np.count_nonzero(blank)
-    # the force was read less often than something else
-    if 0.5 * blank.size <= many < blank.size:
-        notes.append(f"{many} of {blank.size} rows hold no force and are left out")
+    count = np.count_nonzero(blank)
+    # the force was recorded less often than another quantity
+    if 0.5 * blank.size <= count < blank.size:
+        notes.append(f"{count} of {blank.size} rows hold no force and are left out")
         lines = lines[~blank]
         values = {name: each[~blank] for name, each in values.items()}
         blank = blank[~blank]
@@ -268,8 +259,8 @@ def _rows(
 def _without_a_last_row(
     table: Table, values: dict[str, Array]
 ) -> tuple[NDArray[np.int64], list[str]]:
-    """Remove a last row whose time does not rise, as one that is cut off or written
-    twice; return the line numbers of the other rows, and a note.
+    """Remove a last row whose time does not rise, as it is cut off or written twice;
+    return the line numbers of the other rows, and a note.
     """
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
@@ -295,12 +286,12 @@ def _unreadable(
     """
     force = values["force"]
     outside = far_outside(force)
-    # A logger writes one value for no reading, however often; before and after a test
-    # there may be any values.
+    # A logger writes the same value each time it has no reading; before and after a
+    # test there may be any values.
     first, last = np.flatnonzero(~outside)[[0, -1]]
-    within = force[first:last][outside[first:last]]
+    outside_in_test = force[first:last][outside[first:last]]
     no_reading = outside | blank
-    if np.unique(within).size > 1:
+    if np.unique(outside_in_test).size > 1:
         no_reading[first:last] = blank[first:last]
     force[outside] = np.nan
     bad = ~np.isfinite(values["time"] + force)
@@ -309,29 +300,28 @@ def _unreadable(
         f"line {line}: {shortened(table.line(line))!r}"
         for line in lines[bad][:5].tolist()
     ]
-    many = np.count_nonzero(bad)
+    count = np.count_nonzero(bad)
     if wrong > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
-        needed = (
-            "each needs a finite number, in the unit of the others and not far "
-            "outside the rest"
-        )
         raise InputError(
-            f"{many} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
-            f"{needed}"
+            f"{count} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
+            "each needs a finite number, in the unit of the others and not far outside "
+            "the rest"
         )
-    left = np.count_nonzero(np.isfinite(values["time"] + force))
+    left = bad.size - count
     if left < FEWEST_READINGS:
         raise InputError(
             f"{left} readings are too few to judge; at least {FEWEST_READINGS} are "
             "needed"
         )
-    if not many:
+    if not count:
         return []
-    if many > 5:
-        shown_lines.append(f"and {many - 5} more")
-    most = f", up to {FEWEST_READINGS} in turn" if many > FEWEST_READINGS else ""
+    if count > 5:
+        shown_lines.append(f"and {count - 5} more")
+    most = ""
+    if count > FEWEST_READINGS:
+        most = f", up to {FEWEST_READINGS} in succession"
     return [
-        f"{many} of {lines.size} rows could not be read; the force there is "
+        f"{count} of {lines.size} rows could not be read; the force there is "
         f"interpolated in time{most} ({'; '.join(shown_lines)})"
     ]
 
@@ -339,9 +329,9 @@ def _unreadable(
 def _put_in_turn(
     table: Table, values: dict[str, Array], lines: NDArray[np.int64]
 ) -> list[str]:
-    """Shift the times of tests, before each of which the clock restarts, so that they
-    follow one another, number tests and their steps, and return notes; `InputError` if
-    times fall for another reason.
+    """Shift the times of tests, between which the clock restarts, so that the tests
+    follow one another; number tests and their steps, and return notes. Raises
+    `InputError` if times fall for another reason.
     """
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
@@ -358,37 +348,39 @@ def _put_in_turn(
     are_tests = restarts and min(map(len, tests)) >= FEWEST_READINGS
     if back.size and (is_clock or not are_tests):
         row = f"line {line}: time {times[back[0]]:g}"
-        if np.mean(np.diff(times[known]) == 0) > 0.5:
-            span = float(times[known[-1]] - times[known[0]])
-            raise InputError(
-                f"{row} is that of the row before, as on a clock that shows whole "
-                f"seconds: give the step instead (--step, or step=); {known.size} rows "
-                f"take {span:g} of its units"
-            )
-        remedy = "sort the rows"
-        if is_clock:
-            remedy = (
-                "where a clock was set back, write times with their offset from UTC"
-            )
-        raise InputError(
-            f"{row} does not come after that of the row before; times must rise: "
-            f"{remedy}, or give the step instead (--step, or step=)"
-        )
+        raise _times_must_rise(row, times[known], is_clock=is_clock)
     usual = np.nanmedian(np.diff(times))
     for at in back:
         times[at:] += np.nanmax(times[:at]) + usual - times[at]
     steps = values.pop("part", np.zeros(times.size))
+    changes = np.flatnonzero(np.diff(steps)) + 1
     # a number that changes after a few rows does not number steps
-    turns = np.flatnonzero(np.diff(steps)) + 1
-    if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
-        turns = turns[:0]
-    edges = np.isin(np.arange(times.size), [*turns, *back])
+    if np.diff([0, *changes, times.size]).min() < FEWEST_READINGS:
+        changes = changes[:0]
+    edges = np.isin(np.arange(times.size), [*changes, *back])
     if edges.any():
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
         return []
-    many = f"{back.size + 1} tests, joined one after another"
-    return [f"the clock restarts at line {line}: {many}"]
+    tests_joined = f"{back.size + 1} tests, joined one after another"
+    return [f"the clock restarts at line {line}: {tests_joined}"]
+
+
+def _times_must_rise(row: str, times: Array, *, is_clock: bool) -> InputError:
+    """Return the error of a row whose time does not rise, and what to do about it."""
+    if np.mean(np.diff(times) == 0) > 0.5:
+        return InputError(
+            f"{row} is that of the row before, as on a clock that shows whole "
+            f"seconds: give the step instead (--step, or step=); {times.size} rows "
+            f"take {times[-1] - times[0]:g} of its units"
+        )
+    remedy = "sort the rows"
+    if is_clock:
+        remedy = "where a clock was set back, write times with their offset from UTC"
+    return InputError(
+        f"{row} does not come after that of the row before; times must rise: "
+        f"{remedy}, or give the step instead (--step, or step=)"
+    )
 
 
 _TEXTS = {
@@ -407,11 +399,12 @@ def _dataset(
     units: dict[str, str],
     values: dict[str, Array],
     notes: list[str],
+    *,
     flip: bool,
     is_torque: bool,
 ) -> xr.Dataset:
-    """Return the columns as a labelled Dataset, with unreadable forces and spikes
-    interpolated.
+    """Return the columns as a labelled Dataset, in which the force is interpolated at
+    unreadable rows and spikes.
     """
     import pandas as pd
     import xarray as xr
@@ -419,7 +412,8 @@ def _dataset(
     rows = pd.DataFrame(values)
     # find spikes in each part, as they are compared with its noise
     ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
-    spiky = np.concatenate([spikes(part) for part in np.split(values["force"], ends)])
+    parts = np.split(values["force"], ends)
+    spiky = np.concatenate([*map(spikes, parts)])
     if count := int(np.count_nonzero(spiky)):
         many = f"{count} spike{'s' * (count > 1)} of a single sample"
         notes.append(f"{many}; the force there is interpolated")
@@ -432,18 +426,8 @@ def _dataset(
         missing = rows["force"].isna()
         rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
-    first, last = rows.index[[0, -1]].tolist()
-    if not units["time"] and (unit := unit_since_1970(first)):
-        units["time"] = unit
-        notes.append(f"the times are taken for {unit} since 1970")
-    if not units["time"] and are_days(first, last):
-        units["time"] = "s"
-        rows.index = pd.Index(DAY * (rows.index - first), name="time")
-        notes.append(
-            "the times are taken for days, as spreadsheets count them from 1900, and "
-            "MATLAB from 0; where they are none, write their unit into the heading, as "
-            "in time (s)"
-        )
+    if not units["time"]:
+        rows.index = _recognised(rows.index, units, notes)
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual
@@ -483,9 +467,30 @@ def _dataset(
     return xr.Dataset(found, {"time": time}, attrs)
 
 
+def _recognised(
+    times: pd.Index[Any], units: dict[str, str], notes: list[str]
+) -> pd.Index[Any]:
+    """Return times without a unit, which are recognised by their size: those since 1970
+    get their unit, and days become seconds.
+    """
+    first, last = times[[0, -1]].tolist()
+    if unit := unit_since_1970(first):
+        units["time"] = unit
+        notes.append(f"the times are taken for {unit} since 1970")
+    elif are_days(first, last):
+        units["time"] = "s"
+        notes.append(
+            "the times are taken for days, as spreadsheets count them from 1900, and "
+            "MATLAB from 0; if they are not days, write their unit into the heading, "
+            "as in time (s)"
+        )
+        return DAY * (times - first)
+    return times
+
+
 def _in_a_gap(missing: pd.Series[bool]) -> NDArray[np.bool_]:
-    """Return a mask of rows without a reading, of which there are too many in
-    succession to interpolate them.
+    """Return a mask of missing readings that are too many in succession to be
+    interpolated.
     """
     run = (missing != missing.shift()).cumsum()
     many = missing.groupby(run).transform("size") > FEWEST_READINGS

@@ -136,8 +136,9 @@ class Record(NamedTuple):
         if along is not None:
             place = rows[along].to_numpy()
             if "velocity" in along:
-                speed = "rev/min" if length.lower() == "rpm" else length
-                length, _, per = speed.partition("/")
+                speed_unit = "rev/min" if length.lower() == "rpm" else length
+                length, _, per = speed_unit.partition("/")
+                # the times may have another unit than that in the velocity
                 scale = ratio(clock, per) or 1.0
                 place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)

@@ -1,5 +1,4 @@
-"""Maps of heights: reading them from files, generating them from a spectrum, levelling
-and smoothing them.
+"""Maps of heights: read from files, generated from a spectrum, levelled and smoothed.
 
 A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribute
 ``note`` records what was done to it.
@@ -34,7 +33,7 @@ Length = float | str
 
 LARGEST_FILE = 1_000_000_000  # bytes
 FEWEST_NODES = 32  # along an axis
-_ALIKE = 1e-3  # spacings along both axes that differ by less are one
+_ALIKE = 1e-3  # relative difference up to which two spacings are taken for equal
 _BEGINS_ROW = re.compile(r'\s*"?(?:[-+.\d]|nan\b)', re.I)
 _HEADER = re.compile(
     r'[#\s"]*(?:([^\W\d][\w ]*?)["\s]*[:=;,\t]|([^\W\d]\w*)\s)[\s"]*(.+?)["\s;,]*'
@@ -62,8 +61,10 @@ def length_of(place: str, value: Length) -> float:
 
 
 def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
-    """Return heights in m as a map with coordinates, or refuse them. Several spacings
-    may be given, which must be equal.
+    """Return heights in m as a map with coordinates. Several spacings may be given.
+
+    Raises `InputError` if the heights are too few, the same everywhere, or have holes,
+    or if the spacings differ.
     """
     try:
         given = np.asarray(height)
@@ -352,7 +353,7 @@ def read(
 
 
 def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
-    """Return the map with its spacing, as given or from the size of the map."""
+    """Return the map with the given spacing, or that from the size of the map."""
     if "spacing" in about:
         steps: Any = length_of("spacing", about["spacing"])
     elif "width" in about and values.ndim == 2:
@@ -368,7 +369,7 @@ def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
 
 
 def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
-    """The heights of an archive of arrays, and its scalars."""
+    """Return the heights in an archive of arrays, and its single numbers and texts."""
     raw = files.read(path, "map of heights", largest=LARGEST_FILE)
     with np.load(io.BytesIO(raw)) as archive:
         names = archive.files
@@ -385,48 +386,61 @@ def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Rows of numbers, and the values in a header before them."""
+    """Return the heights in rows of numbers, and the values in the header above."""
     text = as_utf8(files.read(path, "map of heights", largest=LARGEST_FILE)).decode()
     lines = [line for line in text.splitlines() if line.strip()]
-    first = (i for i, line in enumerate(lines) if _BEGINS_ROW.match(line))
-    begin = next(first, len(lines))
-    if begin == len(lines):
+    rows = (i for i, line in enumerate(lines) if _BEGINS_ROW.match(line))
+    begin = next(rows, None)
+    if begin is None:
         raise ValueError("it has no rows of numbers")
-    about: dict[str, Any] = {}
-    for line in lines[:begin]:
-        found = _HEADER.fullmatch(line)
-        if found and (key := _NAMES.get((found[1] or found[2]).lower())):
-            value = re.sub(r'["\t;]+,?["\t;]*', " ", found[3]).replace(",", ".")
-            about[key] = value.strip().removesuffix("/pixel")
+    about = _header(lines[:begin])
     layout = find_layout(lines[begin : begin + FEWEST_NODES])
+    is_blank = layout.mark.isspace() and layout.mark != "\t"
     cells = pd.read_csv(
         io.StringIO("\n".join(lines[begin:])),
-        sep=layout.mark if layout.mark.strip() or layout.mark == "\t" else r"\s+",
+        sep=r"\s+" if is_blank else layout.mark,
         decimal="," if layout.comma else ".",
         header=None,
     )
     values = np.array(cells.apply(pd.to_numeric, errors="coerce"), dtype=float)
-    if np.isnan(values[:, -1]).all():  # a mark at the end of each row
+    if np.isnan(values[:, -1]).all():  # each row ends with a separator
         values = values[:, :-1]
-    if values.shape[1] <= 3 and len(values) >= FEWEST_NODES:
-        raise InputError(
-            f"{path}: {len(values)} rows of {values.shape[1]} numbers are points or a "
-            "profile; export a map, each row with the heights along one line"
-        )
-    for name, edge in (("column", values[:, 0]), ("row", values[0])):
-        steps = np.diff(edge)
-        if np.ptp(steps) < _ALIKE * abs(steps.mean()):
-            raise InputError(
-                f"{path}: the first {name} rises evenly, as the places along an axis "
-                "do: leave it out, and give --spacing"
-            )
+    _refuse_other_tables(path, values)
     if "hole" in about:
         values[values == float(about.pop("hole"))] = np.nan
     return values, about
 
 
+def _header(lines: list[str]) -> dict[str, str]:
+    """Return the values in the lines of a header, by the keys that are known here."""
+    about = {}
+    for line in lines:
+        found = _HEADER.fullmatch(line)
+        if found and (key := _NAMES.get((found[1] or found[2]).lower())):
+            value = re.sub(r'["\t;]+,?["\t;]*', " ", found[3]).replace(",", ".")
+            about[key] = value.strip().removesuffix("/pixel")
+    return about
+
+
+def _refuse_other_tables(path: Path, values: Array) -> None:
+    """Refuse rows of points or of a profile, and heights beside their coordinates."""
+    rows, columns = values.shape
+    if columns <= 3 and rows >= FEWEST_NODES:
+        raise InputError(
+            f"{path}: {rows} rows of {columns} numbers are points or a profile; export "
+            "a map, each row with the heights along one line"
+        )
+    for name, edge in (("column", values[:, 0]), ("row", values[0])):
+        steps = np.diff(edge)
+        if np.ptp(steps) < _ALIKE * abs(steps.mean()):
+            raise InputError(
+                f"{path}: the first {name} rises evenly, as coordinates do: leave it "
+                "out, and give --spacing"
+            )
+
+
 def _topography_in(path: Path) -> Any:
-    """Read a file of an instrument with SurfaceTopography, if that is installed."""
+    """Return the topography in a file of an instrument, read by SurfaceTopography."""
     try:
         import SurfaceTopography
     except ImportError:
