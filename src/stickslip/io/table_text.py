@@ -248,13 +248,14 @@ class _Lines(NamedTuple):
         marks are joined.
         """
         found = []
-        begin = 0
-        while begin < min(self.total, _HEAD):
+        end = 0
+        for begin in range(min(self.total, _HEAD)):
+            if begin < end:  # the line belongs to the cells above
+                continue
             end = self._end_of_cells(begin)
             line = " ".join(map(self.line, range(begin, end)))
             if line.strip():
                 found.append((begin, line))
-            begin = end
         return found
 
     def _end_of_cells(self, begin: int) -> int:
