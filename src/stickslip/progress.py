@@ -15,6 +15,10 @@ Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
 
 
+def unheard(_done: float) -> None:
+    """Report the progress to nobody."""
+
+
 def part(report: Progress, begin: float, end: float) -> Progress:
     """Return a function that reports the progress of a part of the work, which extends
     from one fraction of the whole to another.
@@ -88,7 +92,7 @@ def reporting(progress: Any, title: str) -> Iterator[Progress]:
     True, or one that does nothing.
     """
     if progress is None or progress is False:
-        yield lambda _done: None
+        yield unheard
     elif progress is True:
         with bar(title, always=True) as report:
             yield report

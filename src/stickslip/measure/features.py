@@ -215,8 +215,11 @@ class Window:
     def skewness(self) -> float:
         """Mean cube of the changes of the force over a lag, in its standard errors, at
         the lag where it is lowest. Noise looks the same backwards in time; slips fall
-        faster than they climb.
+        faster than they climb. NaN where the velocity of the slider is known, which
+        decides.
         """
+        if self.trace.velocity is not None:
+            return math.nan
         least = 0.0
         lags = 2 ** np.arange(max(self.residual.size // _PART_OF_LAGS, 1).bit_length())
         for lag in lags.tolist():
@@ -247,7 +250,7 @@ class Window:
         trace = self.trace
         force = trace.force
         if trace.measured and self.is_level:
-            force = force - slope(force, trace.t) * trace.t
+            force = trace.without_line
         swing = float(np.ptp(force))
         if self.cycles:
             # The noise of the sensor adds to the peak to peak of a sine.

@@ -77,8 +77,9 @@ def _still(seen: Window) -> str:
     # not its kurtosis
     normal = seen.kurtosis.value >= NORMAL + ONE_SIDED * seen.kurtosis.error
     masked = small and seen.is_mostly_noise
-    white = seen.is_white_noise and normal and seen.hidden <= SMALL
-    if not (seen.is_level and (masked or white)):
+    white = seen.is_white_noise and normal and seen.is_narrow
+    hides_little = seen.hidden <= SMALL
+    if not (seen.is_level and (masked or (white and hides_little))):
         return ""
     if seen.slips.size == 0:
         return f"the force shows noise only, {_percent(seen.swing.value)}"

@@ -43,7 +43,6 @@ from stickslip.measure.trace import (
     Trace,
     dataset_of,
     mean_and_std,
-    slope,
     without_drift,
 )
 from stickslip.words import prefixed
@@ -437,15 +436,22 @@ def _judge_stroke(stroke: Trace, friction: float) -> Regime:
 
 def _skip_loading(trace: Trace) -> Window:
     """Return the window after the first loading of a force."""
-    usual = np.median(trace.force[trace.force.size // 2 :])
-    first = int(np.argmax(trace.force >= usual))
+    first = _first_usual(trace)
     if 2 * first > trace.t.size:  # a slow drift reaches it late
-        first = int(np.argmax(trace.force >= (1.0 - TINY) * usual))
+        first = _first_usual(trace, 1.0 - TINY)
     late = trace.part(trace.t[first])
     rises = _drift_rate(trace.part(-math.inf, late.t[0])) > 0
     if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
         return Window.of(trace)
     return Window.of(late)
+
+
+def _first_usual(trace: Trace, fraction: float = 1.0) -> int:
+    """Return the first sample that reaches a fraction of the usual force in the second
+    half of a trace.
+    """
+    usual = np.median(trace.force[trace.force.size // 2 :])
+    return int(np.argmax(trace.force >= fraction * usual))
 
 
 def _judge_settled(loaded: Window) -> list[Regime]:
@@ -490,14 +496,11 @@ def _skip_transient(seen: Window, latest: float) -> Window:
     if count >= FEWEST_CYCLES and not (shrinks and small.any()):
         return seen
     rest = trace.part(trace.t[found.end[count - 1]])
-    usual = np.median(rest.force[rest.force.size // 2 :])
-    begin = rest.t[np.argmax(rest.force >= usual)]
+    begin = rest.t[_first_usual(rest)]
     if begin > latest or rest.part(begin).t.size < FEWEST_READINGS:
         return seen
     settled = Window.of(rest.part(begin))
-    force, t = settled.trace.force, settled.trace.t
-    level = force - slope(force, t) * t
-    variance = level.var() - settled.slips.noise**2
+    variance = settled.trace.without_line.var() - settled.slips.noise**2
     # as a sawtooth, peak to peak
     is_over = 12.0 * variance < (CLIMBS * drops[0]) ** 2
     return settled if is_over else seen
@@ -560,7 +563,7 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
     rate = part.rise / part.length
     if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
         return None
-    return replace(part, force=part.force - rate * (part.t - part.t.mean()))
+    return replace(part, force=part.without_line)
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:

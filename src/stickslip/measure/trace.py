@@ -279,6 +279,12 @@ class Trace:
         """Rise, over the length of the trace, of the line fitted to the force."""
         return slope(self.force, self.t) * self.length
 
+    @property
+    def without_line(self) -> Array:
+        """The force less the line fitted to it, about the same mean."""
+        line = slope(self.force, self.t) * (self.t - self.t.mean())
+        return np.asarray(self.force - line)
+
     @cached_property
     def clock(self) -> Array:
         """Times or, where the velocity of the drive was measured, its travel over its

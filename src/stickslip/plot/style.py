@@ -28,7 +28,7 @@ from stickslip.io import files
 from stickslip.io.files import FileName
 from stickslip.measure.trace import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
-from stickslip.progress import Progress
+from stickslip.progress import Progress, unheard
 from stickslip.words import prefixed
 
 _STYLE = mpl.rc_params_from_file(
@@ -341,13 +341,13 @@ def save(
     if isinstance(shown, FuncAnimation):
         format_of(path, "contacts")
         film = _Film(PER_SECOND)
+        report = progress or unheard
 
-        def report(frame: int, frames: int) -> None:
-            if progress is not None:
-                progress((frame + 1) / frames)
+        def count(frame: int, frames: int) -> None:
+            report((frame + 1) / frames)
 
         with house_style():
-            shown.save(Path(path), film, dpi=100, progress_callback=report)
+            shown.save(Path(path), film, dpi=100, progress_callback=count)
         return files.write(path, film.content.getbuffer())
     from scipy.io import wavfile  # slow to import, and seldom needed
 

@@ -21,7 +21,7 @@ from stickslip.model.drive import (
     ForceBelow,
     Travel,
 )
-from stickslip.progress import Progress
+from stickslip.progress import Progress, unheard
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
 
@@ -63,7 +63,7 @@ def follow(
     sample at the joint of two pieces belongs to the earlier one. Raises `InputError`
     with the time at which the numbers of the run stop being finite.
     """
-    report = progress or (lambda _: None)
+    report = progress or unheard
     total = drive.duration
     first = engine.here()[0]
     parts = (
@@ -128,7 +128,7 @@ def load_points(drive: Drive) -> Array:
 def follow_leg(
     engine: Engine,
     leg: Leg,
-    report: Progress = lambda _: None,
+    report: Progress = unheard,
 ) -> tuple[Array, list[Stretchings]]:
     """Follow a leg to its end; return a row for each sample passed, and the stretchings
     at its `looks`.

@@ -177,7 +177,7 @@ def threshold_nodes(
         panel_edges(distribution, start, distribution.support[1], places, longest)
     )
     weight = weight * distribution.density(x)
-    met = weight > 1e-12 * weight.sum()
+    met = weight > 1e-14 * weight.sum()
     return x[met], weight[met]
 
 

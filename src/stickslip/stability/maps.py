@@ -20,7 +20,7 @@ from stickslip.errors import (
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
-from stickslip.progress import Progress, part
+from stickslip.progress import Progress, part, unheard
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, LinePoint
 from stickslip.stability.impedances import spring_at_contact
@@ -93,7 +93,7 @@ def boundary(
     )
     grids = [np.geomspace(low, high, lines) for low, high in window]
     grid = _MapGrid(parameters, rig.natural, grids)
-    curves = grid.contour(progress or (lambda _: None))
+    curves = grid.contour(progress or unheard)
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     columns = {
@@ -168,7 +168,7 @@ def stability_map(
         for parameter, value in given
     ]
     grid = _MapGrid(parameters, rig.natural, grids)
-    report = progress or (lambda _: None)
+    report = progress or unheard
     points = grid.neutral(part(report, 0.0, 0.5 if growth else 1.0))
     counts = np.array(
         [[neutral.unstable() for neutral in row] for row in points],

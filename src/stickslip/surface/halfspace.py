@@ -15,7 +15,7 @@ from scipy.sparse import linalg
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, number, numbers, refused
-from stickslip.progress import Progress
+from stickslip.progress import Progress, unheard
 from stickslip.words import engineering
 
 _CHANGE = 1e-6  # relative change of the pressures in a step that ends the search
@@ -66,7 +66,7 @@ def press(
     modulus: float,
     *,
     hardness: float = math.inf,
-    progress: Progress = lambda _done: None,
+    progress: Progress = unheard,
 ) -> Array:
     """Return the pressure at each node of a rough surface against a flat one.
 
