@@ -590,7 +590,7 @@ class Window:
 
     @property
     def _tests_of_drops(self) -> tuple[Criterion, ...]:
-        """The tests of drops and cycles where others have not told what they are."""
+        """The tests of drops and cycles, where the others do not decide."""
         by_rates = math.nan
         if math.isnan(self.slip_velocity) and self.loading.gain.value > CLIMBS:
             by_rates = self.velocity_by_rates
