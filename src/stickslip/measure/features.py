@@ -37,7 +37,6 @@ from stickslip.measure.trace import (
     Trace,
     mean_and_std,
     slope,
-    without_drift,
 )
 from stickslip.model import Interface
 from stickslip.model.drive import constant
@@ -153,20 +152,15 @@ class Window:
         return abs(float(self.trace.force.mean())) or 1e-300
 
     @cached_property
-    def residual(self) -> Array:
-        """The force without its drift."""
-        return without_drift(self.trace.force)
-
-    @cached_property
     def scatter(self) -> float:
         """Standard deviation of the force without its drift."""
-        return float(self.residual.std())
+        return float(self.trace.residual.std())
 
     @cached_property
     def white_noise(self) -> Feature:
         """Scatter of the force over the noise of the sensor."""
         noise = max(self.slips.noise, ROUNDING * self.largest)
-        error = WHITE / ERRORS / math.sqrt(self.residual.size)
+        error = WHITE / ERRORS / math.sqrt(self.trace.residual.size)
         return Feature(self.scatter / noise, error)
 
     @property
@@ -199,7 +193,7 @@ class Window:
         A force that climbs by more than `SMALL` may be that of a held slider. It may
         fall by more, as a held slider never lowers the force of a constant drive.
         """
-        slow = self.trace.force - self.residual
+        slow = self.trace.force - self.trace.residual
         climb = np.max(slow - np.minimum.accumulate(slow))
         fall = np.max(np.maximum.accumulate(slow) - slow)
         return bool(fall <= MOST * self.largest and climb <= SMALL * self.largest)
@@ -207,9 +201,9 @@ class Window:
     @cached_property
     def kurtosis(self) -> Feature:
         """Kurtosis of the force, with the error that it has for white noise."""
-        fourth = float(np.mean((self.residual**2) ** 2))
+        fourth = float(np.mean((self.trace.residual**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
-        return Feature(value, math.sqrt(24.0 / self.residual.size))
+        return Feature(value, math.sqrt(24.0 / self.trace.residual.size))
 
     @cached_property
     def skewness(self) -> float:
@@ -221,9 +215,11 @@ class Window:
         if self.trace.velocity is not None:
             return math.nan
         least = 0.0
-        lags = 2 ** np.arange(max(self.residual.size // _PART_OF_LAGS, 1).bit_length())
+        lags = 2 ** np.arange(
+            max(self.trace.residual.size // _PART_OF_LAGS, 1).bit_length()
+        )
         for lag in lags.tolist():
-            change = self.residual[lag:] - self.residual[:-lag]
+            change = self.trace.residual[lag:] - self.trace.residual[:-lag]
             cubes = change * change * change  # much faster than a power
             parts = np.array_split(cubes, 2 * FEWEST_CYCLES)
             means = np.array([part.mean() for part in parts])
@@ -793,14 +789,13 @@ def _fast_period(force: Array) -> int:
 
 def _means(trace: Trace, first: Array, last: Array) -> Array:
     """Return the mean times and forces between pairs of samples."""
-    values = np.array(
-        [
-            trace.clock - trace.clock[0],
-            trace.force - trace.force[0],
-        ]
-    )
-    sums = np.pad(values.cumsum(axis=1), ((0, 0), (1, 0)))
-    return np.asarray((sums[:, last + 1] - sums[:, first]) / (last + 1 - first))
+    ends = np.column_stack([first, last + 1]).ravel()
+    # a sum may end with the last sample, which `reduceat` takes for none
+    sums = [
+        np.add.reduceat(np.append(values - values[0], 0.0), ends)[::2]
+        for values in (trace.clock, trace.force)
+    ]
+    return np.asarray(sums) / (last + 1 - first)
 
 
 def longest_wait(waits: Array) -> float:

@@ -174,7 +174,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
         )
     # correlation that the noise of the sensor leaves of that of a periodic force
     left = PERIODIC * max(1.0 - (seen.slips.noise / seen.scatter) ** 2, 0.0)
-    repeats = seen.correlation - WHITE / math.sqrt(seen.residual.size) > left
+    repeats = seen.correlation - WHITE / math.sqrt(seen.trace.residual.size) > left
     hidden = seen.is_mostly_noise and repeats
     # Noise falls as fast as it rises, and climbs at various rates. Rare drops, to which
     # the force does not climb, take little of the time, too.
@@ -200,7 +200,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
 
 
 def _hidden(seen: Window) -> str:
-    noise = _percent(float(np.ptp(seen.residual)) / seen.largest)
+    noise = _percent(float(np.ptp(seen.trace.residual)) / seen.largest)
     return f"noise of {noise} hides any oscillation, and slips: record more often"
 
 

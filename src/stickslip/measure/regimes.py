@@ -43,7 +43,6 @@ from stickslip.measure.trace import (
     Trace,
     dataset_of,
     mean_and_std,
-    without_drift,
 )
 from stickslip.words import prefixed
 
@@ -426,7 +425,7 @@ def _judge_stroke(stroke: Trace, friction: float) -> Regime:
         return replace(seen, kind=OPEN, reason=f"{seen.reason}; {doubt}")
     # A slider that is held all the way changes the force by more than this.
     if seen.kind == OPEN and not seen.cycles and np.ptp(stroke.force) < MOST * friction:
-        level = replace(stroke, force=friction + without_drift(stroke.force))
+        level = replace(stroke, force=friction + stroke.residual)
         even = _judge(Window.of(level))
         if even.kind == SMOOTH:
             reason = f"along the way friction changes; beside that {even.reason}"

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 from stickslip.kernels.turning_points import pick as zigzag
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.sensor import resolution, white_noise
-from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope, without_drift
+from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope
 
 Peaks = NDArray[np.intp]
 
@@ -169,7 +169,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     force = trace.force
     size = force.size
     noise = white_noise(force)
-    rest = without_drift(force)
+    rest = trace.residual
     cycles = find_cycles(trace.t, rest if trace.measured else force)
     if minimum_drop is not None:
         smallest = least = minimum_drop

@@ -286,6 +286,11 @@ class Trace:
         return np.asarray(self.force - line)
 
     @cached_property
+    def residual(self) -> Array:
+        """The force without its drift."""
+        return without_drift(self.force)
+
+    @cached_property
     def clock(self) -> Array:
         """Times or, where the velocity of the drive was measured, its travel over its
         mean velocity: against that, the loading rate is constant.
