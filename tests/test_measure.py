@@ -297,6 +297,12 @@ smooth strokes: smooth sliding | loop=(5.0, 0.0)
     to_and_fro(noisy_stroke, displacement=True)
 strokes of slips: stick-slip | loop=(5.45, 0.0)
     to_and_fro(stroke_of_slips)
+strokes with peaks: smooth sliding | enough="by all strokes together"
+    to_and_fro(lambda s: 5 + 2 * np.exp(-s) + 0.02 * white(s.size))
+on a wavy path: smooth sliding | enough="changes along the way"
+    to_and_fro(lambda s: 5 + 0.2 * np.cos(5 * (s - 5)) + 0.02 * white(s.size))
+strokes that slow down: stick-slip | enough="by all strokes together"
+    to_and_fro(lambda s: stroke_of_slips(s / 1.8 + s**2 / 36) + white(s.size) / 10)
 of a soft spring: stick-slip | half_width=5.0
     alone(200.0, 0.01, "np.where(t % 40 < 20, 1, -1) * soft_stroke(t % 20)", 0.02)
 in parts: undecided | parts=["stick-slip", "smooth sliding", "stick-slip"]

@@ -102,6 +102,7 @@ class Loading(NamedTuple):
     rate: float = math.nan
     scatter: float = math.nan  # relative, of the rate, without the sensor's noise
     gain: Feature = Feature(math.nan)  # rate times waiting time over the drop
+    is_resolved: bool = False  # whether noise is so small that rates can be compared
 
 
 @dataclass(frozen=True)
@@ -230,8 +231,8 @@ class Window:
 
     @property
     def hides_slips(self) -> bool:
-        """Whether a force that is mostly noise falls faster than it climbs."""
-        return self.is_mostly_noise and self.skewness < -ERRORS
+        """Whether a force, whose noise hides how it climbs, falls faster than that."""
+        return not self.loading.is_resolved and self.skewness < -ERRORS
 
     @cached_property
     def part(self) -> float:
@@ -335,7 +336,8 @@ class Window:
         # large to know whether the rates are equal.
         noises = self.slips.noise * np.sqrt(2.0 / (last - middle + 1)) / took
         noise = weighted_median(noises, waits)
-        if noise < ONE_RATE * rate:
+        is_resolved = noise < ONE_RATE * rate
+        if is_resolved:
             scatter = max(scatter**2 - noise**2, 0.0) ** 0.5
         scatter /= rate
         gain = float(rate * waits.sum() / self.slips.drops[1:][long].sum())
@@ -343,6 +345,7 @@ class Window:
             rate,
             scatter,
             Feature(gain, gain * scatter / waits.size**0.5),
+            is_resolved,
         )
 
     @cached_property

@@ -33,7 +33,7 @@ from stickslip.measure.part_table import end_of, part_table
 from stickslip.measure.segments import parts_between_pauses, pulls, segments
 from stickslip.measure.sensor import note_saturation, spikes
 from stickslip.measure.slips import Slips, fast_slips
-from stickslip.measure.strokes import find_strokes
+from stickslip.measure.strokes import find_strokes, join_strokes, without_path
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
     ERRORS,
@@ -257,8 +257,9 @@ def regime(
     there is undecided, and so is one whose amplitude may change by a factor of 2 from
     one half to the other. The parts between gaps, between steps of the level or of the
     amplitude, and the strokes of a reciprocating test are judged separately, and listed
-    in order where they differ. Raises `InputError` if the data hold no force, or values
-    that are not finite, or nothing after `after`.
+    in order where they differ; strokes too short for that are judged together. Raises
+    `InputError` if the data hold no force, or values that are not finite, or nothing
+    after `after`.
 
     Parameters
     ----------
@@ -384,7 +385,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
                 else _judge_parts(Window.of(stretch))
             )
             continue
-        parts += [_judge_stroke(stroke, friction) for stroke in found]
+        parts += _judge_strokes(found, friction)
         strokes += len(found)
         loops.append((friction, trace.sign * offset))
     seen = _combine_parts(parts, strokes)
@@ -417,20 +418,40 @@ def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[
     return [f"the bench is unloaded for {time}, which is left out"]
 
 
-def _judge_stroke(stroke: Trace, friction: float) -> Regime:
-    """Judge a stroke: its path may be wavy, and its friction change on the way."""
+def _judge_strokes(strokes: Sequence[Trace], friction: float) -> list[Regime]:
+    """Judge each stroke by itself, and undecided ones by all strokes together: by
+    slips, or by noise beside the changes of friction along the way.
+    """
+    parts = [_judge_stroke(stroke) for stroke in strokes]
+    if all(each.kind != OPEN for each in parts):
+        return parts
+    together = _judge(Window.of(join_strokes(strokes, friction)))
+    reason = f"by all strokes together, {together.reason}"
+    if together.kind not in (SLIPS, SMOOTH):
+        level = without_path(strokes)
+        together = _judge(Window.of(join_strokes(level, friction)))
+        reason = (
+            "by all strokes together, friction changes along the way; beside that "
+            f"{together.reason}"
+        )
+        if together.kind != SMOOTH:
+            return parts
+    together = replace(together, reason=reason)
+    return [
+        replace(together, window=each.window, last_slip=each.last_slip)
+        if each.kind == OPEN
+        else each
+        for each in parts
+    ]
+
+
+def _judge_stroke(stroke: Trace) -> Regime:
+    """Judge a stroke, whose path may be wavy."""
     seen = _judge(Window.of(stroke))
-    if seen.kind == LASTS:
-        doubt = "by itself, or because the path is wavy: other speeds would decide"
-        return replace(seen, kind=OPEN, reason=f"{seen.reason}; {doubt}")
-    # A slider that is held all the way changes the force by more than this.
-    if seen.kind == OPEN and not seen.cycles and np.ptp(stroke.force) < MOST * friction:
-        level = replace(stroke, force=friction + stroke.residual)
-        even = _judge(Window.of(level))
-        if even.kind == SMOOTH:
-            reason = f"along the way friction changes; beside that {even.reason}"
-            return replace(seen, kind=SMOOTH, reason=reason)
-    return seen
+    if seen.kind != LASTS:
+        return seen
+    doubt = "by itself, or because the path is wavy: other speeds would decide"
+    return replace(seen, kind=OPEN, reason=f"{seen.reason}; {doubt}")
 
 
 def _skip_loading(trace: Trace) -> Window:
@@ -574,7 +595,10 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         lasts[each.kind] += np.ptp(each.window)
     kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
     seen = max(parts, key=lambda each: (each.kind == kind, np.ptp(each.window)))
-    agree = lasts[kind] >= MOST_PARTS * lasts.total()
+    # Undecided strokes do not deny the slips of most others.
+    only_slips = strokes and {*lasts} == {SLIPS, OPEN}
+    needed = MOST if only_slips else MOST_PARTS
+    agree = lasts[kind] >= needed * lasts.total()
     window = (
         parts[0].window[0],
         parts[-1].window[1],
@@ -582,7 +606,7 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     if strokes:
         many = Counter(each.kind for each in parts).most_common()
         counts = ", ".join(f"{count} {kind}" for kind, count in many)
-        reason = f"reciprocating test, {strokes} strokes judged separately ({counts}); "
+        reason = f"reciprocating test, {strokes} strokes ({counts}); "
         reason += seen.reason + ("" if agree else "; judge some strokes by themselves")
         return replace(
             seen,

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,20 +35,31 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         return [], math.nan, math.nan
     times = np.append(trace.t, np.inf)[edges]
     parts = [trace.part(*ends) for ends in itertools.pairwise(times)]
-    levels = np.array([_plateau(part.force) for part in parts])
-    even = float(np.median(levels[::2]))
-    odd = float(np.median(levels[1::2]))
-    offset = 0.5 * (even + odd)
-    strokes = []
+    levels = np.array([_plateau(part) for part in parts])
+    middle = 0.5 * float(np.median(levels[::2]) + np.median(levels[1::2]))
+    loaded = []
+    sides = []
     for part, level in zip(parts, levels, strict=True):
-        side = 1.0 if level >= offset else -1.0
+        side = 1.0 if level >= middle else -1.0
         there = part.t[side * part.force >= side * level]
-        loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
-        if loaded.t.size >= FEWEST_READINGS:
-            strokes.append(_along(loaded, side, offset))
-    friction = 0.5 * abs(even - odd)
+        reached = part.part(there[0], np.nextafter(there[-1], np.inf))
+        if reached.t.size >= FEWEST_READINGS:
+            loaded.append(reached)
+            sides.append(side)
+    if {*sides} != {1.0, -1.0}:
+        return [], math.nan, math.nan
+    # A soft spring is still being loaded in the middle half of a whole stroke.
+    levels = np.array([_plateau(part) for part in loaded])
+    ahead, behind = (
+        float(np.median(levels[np.equal(sides, side)])) for side in (1.0, -1.0)
+    )
+    offset = 0.5 * (ahead + behind)
+    friction = 0.5 * (ahead - behind)
+    strokes = [
+        _along(part, side, offset) for part, side in zip(loaded, sides, strict=True)
+    ]
     known = trace.displacement is not None or _takes_two_levels(trace.force)
-    if len(strokes) < 2 or not (known or _are_plateaus(strokes, trace, friction)):
+    if not (known or _are_plateaus(strokes, trace, friction)):
         return [], math.nan, math.nan
     return strokes, friction, offset
 
@@ -78,10 +90,53 @@ def _along(trace: Trace, side: float, offset: float) -> Trace:
     )
 
 
-def _plateau(force: Array) -> float:
-    """Return the mean of the middle half of a stroke, away from its reversals."""
+def join_strokes(strokes: Sequence[Trace], friction: float) -> Trace:
+    """Return the middle halves of strokes as one trace, each about the same friction:
+    without their reversals, and the steps of a long test.
+    """
+    middles = [_middle(stroke.force) for stroke in strokes]
+    sizes = [middle.size for middle in middles]
+    force = np.concatenate([middle - middle.mean() + friction for middle in middles])
+    return Trace(
+        t=strokes[0].step * np.arange(force.size, dtype=float),
+        force=force,
+        sign=strokes[0].sign,
+        largest=max(stroke.largest for stroke in strokes),
+        part_number=np.repeat(np.arange(len(sizes), dtype=float), sizes),
+        measured=True,
+        time_unit=strokes[0].time_unit,
+        force_unit=strokes[0].force_unit,
+        quantity=strokes[0].quantity,
+    )
+
+
+def without_path(strokes: Sequence[Trace]) -> list[Trace]:
+    """Return strokes without the changes of friction along the way: what strokes
+    forward and back have in common at the same places.
+    """
+    place = np.linspace(0.0, 1.0, min(stroke.t.size for stroke in strokes))
+    path = np.zeros(place.size)
+    for stroke in strokes:
+        force = stroke.force[:: int(stroke.sign)]  # from the same end of the way
+        path += np.interp(place, np.linspace(0.0, 1.0, force.size), force)
+    path /= len(strokes)
+    level = []
+    for stroke in strokes:
+        along = np.linspace(0.0, 1.0, stroke.t.size)[:: int(stroke.sign)]
+        force = stroke.force - np.interp(along, place, path)
+        level.append(replace(stroke, force=force))
+    return level
+
+
+def _middle(force: Array) -> Array:
+    """Return the middle half of a stroke, away from its reversals."""
     quarter = force.size // 4
-    return float(force[quarter : force.size - quarter].mean())
+    return force[quarter : force.size - quarter]
+
+
+def _plateau(stroke: Trace) -> float:
+    """Return the mean force in the middle half of a stroke."""
+    return float(_middle(stroke.force).mean())
 
 
 def _reversals(trace: Trace) -> list[int]:
