@@ -571,7 +571,7 @@ DAMAGED = {
     "must be a table": [request_of('"run"', 1), '{"kind":"run","id":1,"document":[1]}'],
     "more": [asked("run", document=LONG)],
     "2.0 MB": ['"' + "x" * 2_000_000 + '"'],
-    "NetCDF": [asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc")],
+    "damaged": [asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc")],
     "too few": [asked("trace", b"time,force\n1,2\n2,3\n", name="../../x.csv")],
     "no such column": [
         trace(options={"force": x}) for x in ("²", "9" * 5_000, "-1", "0")

@@ -157,7 +157,7 @@ def test_a_dataset_comes_back_bit_for_bit(result, tmp_path):
     xr.testing.assert_identical(again, result)
     assert again["spring_force"].dtype == np.float64
     assert again["count"].dtype.kind == "i"
-    assert store.is_netcdf(path)
+    assert store.is_run(path)
     assert os.listdir(tmp_path) == ["run.nc"]
 
 

@@ -8,6 +8,7 @@ import sys
 import time
 import zipfile
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -285,7 +286,7 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         (rows("{t}" + ",{f}" * 1500), {}, "1501 columns, more than 1000"),
         (NUMBERS + f"1{ZEROS}x\n2{ZEROS}x\n3x3\n4x4\n", STEP, "4 of 64 rows"),
         (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
-        (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
+        (b"\x89HDF\r\n" + bytes(100), {}, "cannot be read .*signature not found"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
         (b"\x93NUMPY" + bytes(9), {"delimiter": ";"}, "is no text: leave out its"),
         (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
@@ -468,7 +469,7 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
     (tmp_path / name).write_bytes(start + bytes(100))
     if name.endswith("tdms"):
         pytest.importorskip(module)
-    with pytest.raises(InputError, match=r"a\.(xlsx|tdms): cannot be read .*install"):
+    with pytest.raises(InputError, match=r"a\.(xlsx|tdms): cannot be read .*damaged"):
         read_trace(tmp_path / name)
     monkeypatch.setitem(sys.modules, module, None)
     message = rf"(?i){module}.*pip install 'stickslip\[traces\]'"
@@ -655,7 +656,18 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     np.savez(tmp_path / "c.npz", force_kN=1e-3 * SAW, Fs=100.0)
     with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
         archive.writestr("c.csv", table("t_ms,F_kN", *in_units.values()))
-    for name in ("a.npy", "a.mat", "b.mat", "c.mat", "c.npz", "c.zip"):
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file["bench/time (ms)"] = 1e3 * t
+        file["bench/force"] = 1e-3 * SAW
+        file["bench/force"].attrs["units"] = "kN"
+    records = np.rec.fromarrays([t, SAW], names="time,force")
+    with h5py.File(tmp_path / "d.mat", "w", userblock_size=512) as file:
+        file["table"] = records
+        file["#refs#/force"] = t
+    with (tmp_path / "d.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    files = "a.npy", "a.mat", "b.mat", "c.mat", "c.npz", "c.zip", "c.h5", "d.mat"
+    for name in files:
         found = read_trace(tmp_path / name)
         force, times = found["spring_force"], found["time"]
         assert (force.attrs["units"] == "kN") == (name[0] == "c")
@@ -672,9 +684,9 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     assert found["spring_force"].values == pytest.approx(counts)
     assert found["spring_force"].attrs["units"] == "mN"
     assert found["time"].values == pytest.approx(t)
-    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(InputError, match=r"is HDF5, as NetCDF is: .* write columns as"):
-        read_trace(tmp_path / "a.h5")
+    found.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=r"is a run: open it with load\(\)"):
+        read_trace(tmp_path / "a.nc")
 
 
 @pytest.mark.parametrize(

@@ -428,9 +428,9 @@ def _check_suffix(output: Path | None, what: str, suffix: str) -> None:
 
 def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
-    from stickslip.io.datasets import is_netcdf
+    from stickslip.io.datasets import is_run
 
-    if data.is_file() and is_netcdf(data):
+    if data.is_file() and is_run(data):
         run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(

@@ -10,6 +10,7 @@ import io
 import json
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,10 +32,11 @@ if TYPE_CHECKING:
 
 LARGEST_RUN = 8_000_000_000  # most bytes of a run, in a file and in memory
 
+_HDF5 = "NetCDF 4"
 _CDF = "NetCDF 3"
 _CDF5 = "CDF-5"
 _MARKS = {
-    b"\x89HDF\r\n\x1a\n": "NetCDF 4",
+    b"\x89HDF\r\n\x1a\n": _HDF5,
     b"CDF\x01": _CDF,
     b"CDF\x02": _CDF,  # with 64-bit offsets
     b"CDF\x05": _CDF5,
@@ -269,9 +271,17 @@ def _opened(source: Path, kind: str) -> dict[str, Any]:
     }
 
 
-def is_netcdf(path: files.FileName) -> bool:
-    """Whether a file starts like a NetCDF file of any version."""
-    return _kind_of(Path(path)) is not None
+def is_run(path: files.FileName) -> bool:
+    """Whether a file starts like a NetCDF file of any version, and is not one of HDF5
+    that lacks the force of a run.
+    """
+    kind = _kind_of(Path(path))
+    if kind == _HDF5:
+        import h5py
+
+        with suppress(OSError), h5py.File(path, mode="r") as file:
+            return "spring_force" in file
+    return kind is not None
 
 
 def _kind_of(source: Path) -> str | None:

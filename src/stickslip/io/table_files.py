@@ -27,8 +27,6 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
 _HEAD_OF_ZIP = 100  # bytes of an archive that hold the name of its first file
 _LARGEST = 100_000_000  # bytes of an unpacked file
 _EXPORTED: dict[bytes | tuple[bytes, ...], str] = {
-    b"\x89HDF": "HDF5, as NetCDF is: open a run with load(), write columns as .csv",
-    b"MATLAB 7.3": "MATLAB 7.3: save(file, '-v7') writes a .mat that can be read",
     b"CDF": "NetCDF: a run is opened with load(); write other columns as .csv",
     b"\xd0\xcf\x11\xe0": "an old Excel file (.xls): save it as .xlsx or .csv",
     b"PAR1": "Parquet: pandas.read_parquet(file).to_csv(...)",
@@ -63,11 +61,11 @@ def read_table(
         raise
     # libraries raise errors of zip, XML and struct, and their own
     except Exception as error:
-        remedy = (
-            "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
-            "or export it as text"
-        )
-        raise InputError(f"cannot be read ({error}); {remedy}") from None
+        remedy = "it may be damaged"
+        if isinstance(error, ImportError):
+            remedy = "`pip install 'stickslip[traces]'` to read .xlsx and .tdms"
+        message = f"cannot be read ({error}); {remedy}, or export it as text"
+        raise InputError(message) from None
 
 
 def _unpacked(raw: bytes) -> bytes:
@@ -102,8 +100,6 @@ def _of_numpy(raw: bytes) -> Table:
     values = np.load(io.BytesIO(raw), allow_pickle=False)
     if isinstance(values, np.lib.npyio.NpzFile):
         return _of_arrays(values)
-    if values.dtype.names:
-        return _of_arrays({name: values[name] for name in values.dtype.names})
     return _of_arrays({"": np.squeeze(values)})
 
 
@@ -131,9 +127,36 @@ def _of_matlab(raw: bytes) -> Table:
     return _of_arrays(held)
 
 
+def _of_hdf5(raw: bytes) -> Table:
+    """Return the table of the arrays in an HDF5 file, such as a .mat file of MATLAB
+    7.3; those of a group have their own names, unless several have the same.
+    """
+    import h5py
+
+    held = dict[str, Any]()
+
+    def keep(path: str, node: Any) -> None:
+        if not isinstance(node, h5py.Dataset) or path.startswith("#"):
+            return  # MATLAB's own groups begin with #
+        if node.nbytes > _LARGEST:
+            raise InputError(f"holds {path} of more than {_LARGEST / 1e6:g} MB")
+        name = path.rpartition("/")[2]
+        unit = node.attrs.get("units", node.attrs.get("unit", ""))
+        unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+        title = path if name in held else name
+        held[f"{title} ({unit})" if unit else title] = np.squeeze(node[()])
+
+    with h5py.File(io.BytesIO(raw)) as file:
+        if "spring_force" in file:
+            raise InputError("is a run: open it with load()")
+        file.visititems(keep)
+    return _of_arrays(held)
+
+
 def _of_arrays(held: Mapping[str, Any]) -> Table:
     """Return the table of the columns of named arrays, with the sampling interval that
-    a single number among them gives. Columns of a matrix are numbered.
+    a single number among them gives. Columns of a matrix are numbered; fields of a
+    structured array have their own names.
     """
     named = dict[str, Any]()
     numbers = []
@@ -143,6 +166,8 @@ def _of_arrays(held: Mapping[str, Any]) -> Table:
         dimensions = np.ndim(values)
         if dimensions == 0:
             numbers.append(f"{name} = {values}")
+        elif dimensions == 1 and values.dtype.names:
+            named |= {field: values[field] for field in values.dtype.names}
         elif dimensions == 1:
             named[name] = values
         elif dimensions == 2:
@@ -267,6 +292,8 @@ _READERS = (
     (_ZIP, _of_zip),
     (b"\x93NUMPY", _of_numpy),
     (b"MATLAB 5.0", _of_matlab),
+    (b"MATLAB 7.3", _of_hdf5),
+    (b"\x89HDF", _of_hdf5),
     (b"RIFF", _of_sound),
 )
 """Readers of files, by their first bytes."""

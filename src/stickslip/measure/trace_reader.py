@@ -53,7 +53,7 @@ def read_trace(
     decimal: Literal[".", ","] | None = None,
 ) -> xr.Dataset:
     r"""Read a measured force trace from a table: text, .xlsx (with openpyxl), .tdms
-    (with npTDMS), .mat, .npy, .npz or .wav.
+    (with npTDMS), .mat, HDF5, .npy, .npz or .wav.
 
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may
     be text before the table, names with units in brackets or in a line above or below,
