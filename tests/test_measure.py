@@ -327,7 +327,7 @@ in one half: undecided | enough="a part of the window"
     alone(50.0, 0.01, "3 + np.where(t < 25, tone(0.4, t), 0.8 * (t % 1) - 0.4)")
 under a wavy load: undecided | enough="a steady load"
     alone(60.0, 0.01, "(3 + t % 1.02) * (1 + tone(0.3, t / 30))")
-pulses: sustained oscillation | periodic=True
+pulses: sustained oscillation | periodic=True, enough="forced by the track"
     alone(60.0, 0.01, "3 + np.exp(-(((t % 1 - 0.5) / 0.05) ** 2))")
 to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")

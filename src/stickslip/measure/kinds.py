@@ -59,7 +59,11 @@ def decide(seen: Window) -> tuple[Kind, str]:
                 "displacement would show, or an oscillation whose mean is missing"
             )
         size = f"{_percent(seen.part)}, peak to peak"
-        return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
+        reason = f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
+        if seen.trace.measured:
+            reason += "; by itself, or forced by the track or a shaft: other speeds "
+            reason += "would decide"
+        return LASTS, reason
     return _uneven(seen)
 
 

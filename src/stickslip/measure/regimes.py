@@ -448,10 +448,7 @@ def _judge_strokes(strokes: Sequence[Trace], friction: float) -> list[Regime]:
 def _judge_stroke(stroke: Trace) -> Regime:
     """Judge a stroke, whose path may be wavy."""
     seen = _judge(Window.of(stroke))
-    if seen.kind != LASTS:
-        return seen
-    doubt = "by itself, or because the path is wavy: other speeds would decide"
-    return replace(seen, kind=OPEN, reason=f"{seen.reason}; {doubt}")
+    return replace(seen, kind=OPEN) if seen.kind == LASTS else seen
 
 
 def _skip_loading(trace: Trace) -> Window:
