@@ -91,8 +91,8 @@ CATMAN = """Zeit 1 - Standardmessrate|Kraft|Weg\nms|mN|mm\nSR=4 Hz|SR=4 Hz|SR=4 
 T0=1.2.24 12:00|T0=1.2.24 12:00|T0=1.2.24 12:00\nS9M|MX4 CH 1|MX4 CH 2\n"""
 NEWTONS = {"units": ("s", "Newtons")}
 HEADS = """t (ms);F (mN) | t/ms;F/mN | time_ms;force_mN | Zeit in ms;Kraft in mN
-Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | [ms] Time;Force - mN | ms;mN
-Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力（mN）"""
+timeMs;frictionForceMN | Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | ms;mN
+[ms] Time;Force - mN | Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力（mN）"""
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,8 @@ _DECADES = {"": 0} | {prefix: power for prefix, (_, power) in PREFIXES.items()}
 _ROUND = str.maketrans("[{<\uff08\u3010]}>\uff09\u3011", "((((()))))")
 _BRACKET = re.compile(r"\s*\(\s*(?:in\s+)?([^()]*?)\s*\)\s*")
 _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*[/,_.:|-]\s*|\s+")
+_INNER_CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_INNER_WORD = re.compile(r"(?<=[a-z])(?=[A-Z\d])")  # LoadCell1
 # kinds of units that give the quantity of a column with an unknown name
 _SURE = {"force", "torque", "stress", "time"}
 
@@ -117,7 +119,7 @@ def _quantities_of(name: str) -> list[str]:
     it stands alone, or after the name of an instrument: ``DAQ.F``.
     """
     parts = [simple(name), simple(re.split(r"[./:]", name.strip())[-1])]
-    words = parts[0].partition(" of the ")[0].split()
+    words = simple(_INNER_WORD.sub(" ", name)).partition(" of the ")[0].split()
     for count in range(min(len(words), _MOST_WORDS), 0, -1):
         for first in range(len(words) - count, -1, -1):
             part = " ".join(words[first : first + count])
@@ -155,6 +157,13 @@ class Heading(NamedTuple):
             unit = cell[found.end() :].replace("_", "/")  # speed_mm_s
             heading = cls(cell[: found.start()], unit)
             if heading.name and heading._unit_fits():
+                return heading
+        for found in _INNER_CAPITAL.finditer(cell):  # timeMs, forceN
+            unit = cell[found.end() :]
+            if len(unit) > 1:
+                unit = unit[0].lower() + unit[1:]
+            heading = cls(cell[: found.start()], unit)
+            if _quantities_of(heading.name) and heading._unit_fits():
                 return heading
         return cls(cell)
 
