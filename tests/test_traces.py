@@ -92,7 +92,8 @@ T0=1.2.24 12:00|T0=1.2.24 12:00|T0=1.2.24 12:00\nS9M|MX4 CH 1|MX4 CH 2\n"""
 NEWTONS = {"units": ("s", "Newtons")}
 HEADS = """t (ms);F (mN) | t/ms;F/mN | time_ms;force_mN | Zeit in ms;Kraft in mN
 timeMs;frictionForceMN | Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | ms;mN
-[ms] Time;Force - mN | Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN | 时间（ms）;摩擦力（mN）"""
+[ms] Time;Force - mN | Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN
+时间（ms）;摩擦力（mN）"""
 
 
 @pytest.mark.parametrize(

@@ -436,9 +436,10 @@ def _judge_strokes(strokes: Sequence[Trace], friction: float) -> list[Regime]:
         )
         if together.kind != SMOOTH:
             return parts
-    together = replace(together, reason=reason)
+    kind = together.kind
+    table = together.table
     return [
-        replace(together, window=each.window, last_slip=each.last_slip)
+        replace(each, kind=kind, reason=reason, table=table)
         if each.kind == OPEN
         else each
         for each in parts
