@@ -327,10 +327,12 @@ in one half: undecided | enough="a part of the window"
     alone(50.0, 0.01, "3 + np.where(t < 25, tone(0.4, t), 0.8 * (t % 1) - 0.4)")
 under a wavy load: undecided | enough="a steady load"
     alone(60.0, 0.01, "(3 + t % 1.02) * (1 + tone(0.3, t / 30))")
-pulses: sustained oscillation | periodic=True, enough="forced by the track"
+pulses: sustained oscillation | periodic=True, enough="by the drive or the track"
     alone(60.0, 0.01, "3 + np.exp(-(((t % 1 - 0.5) / 0.05) ** 2))")
 to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
+that falls slowly: undecided | enough="the drive stops and starts"
+    alone(60.0, 0.01, "np.where(t % 6 < 5, 3 + 0.5 * np.cos(t % 6 / 1.6), t % 6 - 2.5)")
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 a start that rings: smooth sliding | enough="decays until"

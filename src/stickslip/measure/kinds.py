@@ -28,6 +28,11 @@ SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
+FALLS_SLOWLY = (
+    "the force jumps up and falls slowly: its sign seems reversed (--flip on a command "
+    "line, flip=True), or the drive stops and starts again"
+)
+
 
 def decide(seen: Window) -> tuple[Kind, str]:
     """Return the kind of motion and the reason for it."""
@@ -58,10 +63,13 @@ def decide(seen: Window) -> tuple[Kind, str]:
                 "the force alternates about zero: strokes, which a measured "
                 "displacement would show, or an oscillation whose mean is missing"
             )
+        falls = seen.slips.slip_phase(seen.trace)
+        if seen.trace.measured and falls >= 1.0 - SLIP_PHASE:
+            return OPEN, FALLS_SLOWLY
         size = f"{_percent(seen.part)}, peak to peak"
         reason = f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
         if seen.trace.measured:
-            reason += "; by itself, or forced by the track or a shaft: other speeds "
+            reason += "; by itself, or forced by the drive or the track: other speeds "
             reason += "would decide"
         return LASTS, reason
     return _uneven(seen)

@@ -28,7 +28,15 @@ from stickslip.measure.features import (
     Criterion,
     Window,
 )
-from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
+from stickslip.measure.kinds import (
+    FALLS_SLOWLY,
+    LASTS,
+    OPEN,
+    SLIPS,
+    SMOOTH,
+    Kind,
+    decide,
+)
 from stickslip.measure.part_table import end_of, part_table
 from stickslip.measure.segments import parts_between_pauses, pulls, segments
 from stickslip.measure.sensor import note_saturation, spikes
@@ -734,10 +742,7 @@ def _find_fault(trace: Trace, seen: Window) -> str:
         if not np.any(trace.force != trace.largest):
             return "the force never changes: is the sensor connected?"
         if not seen.are_slips and seen.reversed.is_stick_slip:
-            return (
-                "the force jumps up and falls slowly: its sign seems reversed "
-                "(--flip on a command line, flip=True)"
-            )
+            return FALLS_SLOWLY
     elif trace.drive is None or not trace.drive.any():
         return "the drive stands still"
     elif np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
