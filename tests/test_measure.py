@@ -307,6 +307,8 @@ of a soft spring: stick-slip | half_width=5.0
     alone(200.0, 0.01, "np.where(t % 40 < 20, 1, -1) * soft_stroke(t % 20)", 0.02)
 in parts: undecided | parts=["stick-slip", "smooth sliding", "stick-slip"]
     alone(60.0, 0.01, "pauses(t)", 0.01)
+in many parts: undecided | enough="8 parts in turn (4 stick-slip, 4 smooth sliding)"
+    alone(160.0, 0.01, "np.where(t % 40 < 20, 3 + t % 1, 3.5)", 0.01)
 slips that stop: undecided | parts=["stick-slip", "smooth sliding"]
     stops(20.0, 0.01)
 that stop late: undecided | parts=["stick-slip", "smooth sliding"]
@@ -332,7 +334,7 @@ pulses: sustained oscillation | periodic=True, enough="by the drive or the track
 to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
 that falls slowly: undecided | enough="the drive stops and starts"
-    alone(60.0, 0.01, "np.where(t % 6 < 5, 3 + 0.5 * np.cos(t % 6 / 1.6), t % 6 - 2.5)")
+    alone(60, 0.01, "np.cos(np.minimum(t % 6, 5) / 1.6) / 2 + np.maximum(t % 6, 5)", 0.01)
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 a start that rings: smooth sliding | enough="decays until"

@@ -63,6 +63,7 @@ if TYPE_CHECKING:
 __all__ = ["TINY", "Kind", "Regime", "regime"]
 
 LATE_PART = 0.4  # fraction of a run, at its end, in which its regime is judged
+MOST_LISTED = 5  # parts of different kinds that one line lists
 MOST_PARTS = 0.75  # fraction of the time for which the parts of a record must agree
 
 
@@ -609,9 +610,9 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         parts[0].window[0],
         parts[-1].window[1],
     )
+    many = Counter(each.kind for each in parts).most_common()
+    counts = ", ".join(f"{count} {kind}" for kind, count in many)
     if strokes:
-        many = Counter(each.kind for each in parts).most_common()
-        counts = ", ".join(f"{count} {kind}" for kind, count in many)
         reason = f"reciprocating test, {strokes} strokes ({counts}); "
         reason += seen.reason + ("" if agree else "; judge some strokes by themselves")
         return replace(
@@ -629,6 +630,8 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
     turns = ", ".join(f"{run[0].kind} until {_until(run)}" for run in runs[:-1])
     reason = f"{turns}, then {runs[-1][0].kind}"
+    if len(runs) > MOST_LISTED:
+        reason = f"{len(parts)} parts in turn ({counts}); judge some by themselves"
     return replace(seen, kind=OPEN, reason=reason, window=window)
 
 
