@@ -114,9 +114,9 @@ def slips_of_a_second(t):
     return 2.0 + t % 1.0
 
 
-def to_and_fro(each, *, displacement=False):
+def to_and_fro(each, *, displacement=False, rest=0.0):
     """Six strokes back and forth: each(s) is the force along a stroke of length 10."""
-    s = np.linspace(0.0, 10.0, 2000, endpoint=False)
+    s = np.minimum(np.linspace(0.0, 10.0 + rest, 2000, endpoint=False), 10.0)
     ways = [(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(6)]
     force = np.concatenate(ways)
     way = np.concatenate([s if i % 2 == 0 else 10.0 - s for i in range(6)])
@@ -297,6 +297,8 @@ smooth strokes: smooth sliding | loop=(5.0, 0.0)
     to_and_fro(noisy_stroke, displacement=True)
 strokes of slips: stick-slip | loop=(5.45, 0.0)
     to_and_fro(stroke_of_slips)
+with rests: stick-slip | half_width=5.45
+    to_and_fro(stroke_of_slips, displacement=True, rest=3.0)
 strokes with peaks: smooth sliding | enough="by all strokes together"
     to_and_fro(lambda s: 5 + 2 * np.exp(-s) + 0.02 * white(s.size))
 on a wavy path: smooth sliding | enough="changes along the way"

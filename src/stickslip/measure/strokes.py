@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.arrays import Range
 from stickslip.measure.periods import rises
@@ -41,7 +42,9 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     sides = []
     for part, level in zip(parts, levels, strict=True):
         side = 1.0 if level >= middle else -1.0
-        there = part.t[side * part.force >= side * level]
+        there = part.t[(side * part.force >= side * level) & _between_ends(part)]
+        if there.size < 2:
+            continue
         reached = part.part(there[0], np.nextafter(there[-1], np.inf))
         if reached.t.size >= FEWEST_READINGS:
             loaded.append(reached)
@@ -62,6 +65,20 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     if not (known or _are_plateaus(strokes, trace, friction)):
         return [], math.nan, math.nan
     return strokes, friction, offset
+
+
+def _between_ends(stroke: Trace) -> NDArray[np.bool_]:
+    """Return a mask of the readings of a stroke away from its ends, near which the
+    drive may rest; all of them where the displacement is not known or turns.
+    """
+    way = stroke.displacement
+    everywhere = np.ones(stroke.t.size, dtype=bool)
+    if way is None:
+        return everywhere
+    margin = 0.5 * NEAR * np.ptp(way)
+    turns = [np.max(np.maximum.accumulate(x) - x) > margin for x in (way, -way)]
+    inside = (way >= way.min() + margin) & (way <= way.max() - margin)
+    return everywhere if all(turns) else inside
 
 
 def _are_plateaus(strokes: list[Trace], trace: Trace, level: float) -> bool:
