@@ -298,7 +298,7 @@ smooth strokes: smooth sliding | loop=(5.0, 0.0)
 strokes of slips: stick-slip | loop=(5.45, 0.0)
     to_and_fro(stroke_of_slips)
 with rests: stick-slip | half_width=5.45
-    to_and_fro(stroke_of_slips, displacement=True, rest=3.0)
+    to_and_fro(stroke_of_slips, displacement=True, rest=8.0)
 strokes with peaks: smooth sliding | enough="by all strokes together"
     to_and_fro(lambda s: 5 + 2 * np.exp(-s) + 0.02 * white(s.size))
 on a wavy path: smooth sliding | enough="changes along the way"
@@ -336,7 +336,7 @@ pulses: sustained oscillation | periodic=True, enough="by the drive or the track
 to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
 that falls slowly: undecided | enough="the drive stops and starts"
-    alone(60, 0.01, "np.cos(np.minimum(t % 6, 5) / 1.6) / 2 + np.maximum(t % 6, 5)", 0.01)
+    alone(60, 0.01, "np.cos(np.minimum(t % 6, 5) / 1.6) + 2 * np.maximum(t % 6, 5)", 0.01)
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 a start that rings: smooth sliding | enough="decays until"

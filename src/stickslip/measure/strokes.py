@@ -43,7 +43,7 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     for part, level in zip(parts, levels, strict=True):
         side = 1.0 if level >= middle else -1.0
         there = part.t[(side * part.force >= side * level) & _between_ends(part)]
-        if there.size < 2:
+        if there.size < 2 or _rests(part, trace):
             continue
         reached = part.part(there[0], np.nextafter(there[-1], np.inf))
         if reached.t.size >= FEWEST_READINGS:
@@ -79,6 +79,13 @@ def _between_ends(stroke: Trace) -> NDArray[np.bool_]:
     turns = [np.max(np.maximum.accumulate(x) - x) > margin for x in (way, -way)]
     inside = (way >= way.min() + margin) & (way <= way.max() - margin)
     return everywhere if all(turns) else inside
+
+
+def _rests(part: Trace, trace: Trace) -> bool:
+    """Whether the drive rests in a part of a trace, as after a test."""
+    if part.displacement is None or trace.displacement is None:
+        return False
+    return bool(np.ptp(part.displacement) < NEAR * np.ptp(trace.displacement))
 
 
 def _are_plateaus(strokes: list[Trace], trace: Trace, level: float) -> bool:
