@@ -591,9 +591,21 @@ def test_a_page_to_forward_says_what_an_axis_does():
 
 
 @pytest.mark.takes(4)  # of long moves, or of many steps
-def test_without_delay_no_move_hunts():
-    hunt = Hunt(axis_with(0.2, delay=0.0))
-    assert not any(hunt.move(distance).hunts for distance in hunt.moves)
+@pytest.mark.parametrize(
+    ("axis", "diverges"),
+    [
+        (axis_with(0.2, delay=0.0), False),
+        (axis_with(2.0, sample_time=4e-3), False),
+        (axis_with(2.0, sample_time=5e-3), True),
+        (axis_with(0.2, sample_time=1e-2), True),  # until contacts break
+    ],
+)
+def test_without_hunting_an_axis_stands_still_unless_its_controller_diverges(
+    axis, diverges
+):
+    hunt = Hunt(axis)
+    assert bool(ss.predict(axis, fast=True).diverges) == diverges
+    assert {hunt.move(distance).hunts for distance in hunt.moves} == {diverges}
 
 
 def test_tracking_that_is_unsteady_without_an_integral_is_said():
@@ -612,6 +624,7 @@ def test_the_shipped_axis_is_answered_in_its_units(capsys):
     assert "steady at 20 mm/s up to Ki = " in text
     assert "at rest    may hunt, depending on the move, by " in text
     assert "raise Kp above " in text
+    assert "with that Kp it is unsteady at speed" in text
 
 
 @pytest.mark.takes(5)  # of long moves, or of many steps
