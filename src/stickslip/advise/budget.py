@@ -54,7 +54,7 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 # near a stability limit agree with linear theory, within a fifth. Beyond it, they may
 # be a third of what the theory predicts.
 LINEAR_NOISE = 0.2
-# number of contacts above which a regime neglects their noise
+# number of contacts above which the noise of their force is not seen in a regime
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # Estimated seconds of work that count as one run, by `is_expensive`. Most runs take
 # half of their estimate.
@@ -120,11 +120,16 @@ def until_decayed(rig: Rig) -> float:
 
 def method_of(rig: Rig, other: int = 0) -> Contacts:
     """Return the method of the runs that decide the motion of a rig: its own contacts,
-    up to a number whose noise is negligible, or with `other` > 0 differently drawn
-    ones.
+    or with `other` > 0 differently drawn ones.
+
+    Their number is reduced to one that a regime does not notice, unless the noise of so
+    few would end smooth sliding.
     """
     own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
-    return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
+    found = Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
+    if found.count < own.count and not survives_noise(replace(rig, method=found)):
+        return replace(found, count=own.count)
+    return found
 
 
 def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
@@ -163,11 +168,12 @@ def is_expensive(rig: Rig) -> bool:
 
 
 def varies(rig: Rig) -> bool:
-    """Whether one run decides little: the contacts are few, or re-attach only at an
-    arrest, which may not come.
+    """Whether one run decides little: the contacts are few, or their noise ends smooth
+    sliding, or they re-attach only at an arrest, which may not come.
     """
     count = getattr(rig.method, "count", math.inf)
-    return count < _FEW or isinstance(rig.interface.delay, OnArrest)
+    waits = isinstance(rig.interface.delay, OnArrest)
+    return count < _FEW or waits or not survives_noise(rig)
 
 
 def cost_of_run(rig: Rig) -> float:

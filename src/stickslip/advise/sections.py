@@ -239,7 +239,8 @@ def _own_motion(found: Findings) -> Motion:
     rest += f"; {often}" * bool(often)
     if found.bistable:
         return Motion(kind, f"{rest}; bistable", _BISTABLE)
-    left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
+    count = getattr(found.rig.method, "count", None)
+    left = f"no mode grows, but {count} contacts leave smooth sliding by their noise"
     return Motion(kind, rest, left if modes == 0 else "")
 
 

@@ -215,7 +215,7 @@ class Survey:
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
-        self._setting = trial(rig)
+        self._setting = replace(trial(rig), method=rig.method)
         self._linear = linear
         self._works = works_at(rig)
         places = [*self._works, *_grid(linear)]
@@ -239,22 +239,30 @@ class Survey:
             looked.add(speed)
             # the budget may still suffice for a shorter run at another speed
             with suppress(BudgetExhausted):
-                try:
-                    self.known[speed] = budget.regime(self._case(speed)).kind
-                except InputError:
-                    self.known[speed] = "undecided"
+                self.known[speed] = self._judge(budget, speed)
         for speeds in self._contradicted():
             middle = speeds[len(speeds) // 2]
             with suppress(BudgetExhausted):
-                again = budget.regime(self._case(middle, 1)).kind
+                again = budget.regime(self._case(middle, 2)).kind
                 if again != self.known[middle]:
                     self.known |= dict.fromkeys(speeds, "undecided")
-        if varies(self._setting):
-            self._confirm(budget)
+        self._confirm(budget)
+
+    def _judge(self, budget: Budget, speed: float) -> str:
+        """Return the motion in a run at a speed or, where one run decides little, that
+        of two on which they agree.
+        """
+        case = self._case(speed)
+        cases = [case, self._case(speed, 1)] if varies(case) else [case]
+        try:
+            kinds = {budget.regime(each).kind for each in cases}
+        except InputError:
+            return "undecided"
+        return kinds.pop() if len(kinds) == 1 else "undecided"
 
     def _confirm(self, budget: Budget) -> None:
-        """Repeat runs next to a change of motion with other contacts: the motion there
-        is undecided if these disagree.
+        """Repeat runs next to a change of motion with other contacts, where one run
+        decides little: the motion there is undecided if these disagree.
         """
         asked = {1.0}  # the speed of the rig itself is judged elsewhere
         turns = bounded("Survey.confirm", HALVINGS)
@@ -263,7 +271,9 @@ class Survey:
             for band in self._linear
             for change in self._changes(band)
             for speed, kind in change
-            if kind != band.kind and speed not in asked
+            if kind != band.kind
+            and speed not in asked
+            and varies(self._case(speed))
         ]:
             next(turns)
             asked.add(speed := ends[0])
