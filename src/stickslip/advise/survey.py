@@ -271,9 +271,7 @@ class Survey:
             for band in self._linear
             for change in self._changes(band)
             for speed, kind in change
-            if kind != band.kind
-            and speed not in asked
-            and varies(self._case(speed))
+            if kind != band.kind and speed not in asked and varies(self._case(speed))
         ]:
             next(turns)
             asked.add(speed := ends[0])
