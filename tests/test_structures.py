@@ -320,6 +320,8 @@ REFUSED = (
     "Matrices.C: is 0; give damping",
     lambda: ss.predict(rig(HELD_BACK)),
     "follow the drive at 0.25 of its speed",
+    lambda: ss.predict(rig(lambda s: s + 1.0)),
+    "a linear structure, which can be simulated",
     lambda: count_unstable(rig(RUNAWAY)),
     "with its sliding surface held still",
     lambda: is_sustained(rig(TWO, 1e-6)),

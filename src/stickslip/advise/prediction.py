@@ -41,7 +41,7 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
-from stickslip.model import Delay, ElasticBody, OnArrest
+from stickslip.model import Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import (
@@ -122,6 +122,12 @@ def predict(
     """
     instance(
         "rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns"
+    )
+    instance(
+        "Rig.slider",
+        rig.slider,
+        Slider | Structure | ElasticBody,
+        "a Slider, an elastic body or a linear structure, which can be simulated",
     )
     if smooth is not None:
         rig = replace(
