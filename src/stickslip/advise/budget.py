@@ -118,29 +118,25 @@ def until_decayed(rig: Rig) -> float:
     return rig.natural.velocity * _DECAYS / -rate if rate < 0 else 0.0
 
 
-def method_of(rig: Rig, other: int = 0) -> Contacts:
+def method_of(rig: Rig, other: int = 0, most: float = _UNSEEN) -> Contacts:
     """Return the method of the runs that decide the motion of a rig: its own contacts,
-    or with `other` > 0 differently drawn ones.
-
-    Their number is reduced to one that a regime does not notice, unless the noise of so
-    few would end smooth sliding.
+    or with `other` > 0 differently drawn ones; by default no more than a number whose
+    noise is not seen in the force.
     """
     own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
-    found = Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
-    if found.count < own.count and not survives_noise(replace(rig, method=found)):
-        return replace(found, count=own.count)
-    return found
+    return Contacts(int(min(own.count, most)), seed=own.seed + other)
 
 
-def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
+def trial(
+    rig: Rig, distance: float = 0.0, other: int = 0, most: float = _UNSEEN
+) -> Rig:
     """Return the rig for a run from rest at its constant speed, long enough to decide
-    the regime, and at least for a distance.
+    the regime, and at least for a distance; `other` and `most` as in `method_of`.
     """
     # rounded, so that equal rigs compare equal however they were computed
     speed = float(f"{rig.natural.velocity:.12g}")
-    there = Rig(
-        rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
-    )
+    method = method_of(rig, other, most)
+    there = Rig(rig.interface, rig.slider, constant(speed), method=method)
     return replace(
         there, drive=constant(speed, max(length_of(there), distance) / speed)
     )

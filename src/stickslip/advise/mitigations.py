@@ -190,7 +190,7 @@ class Search:
     def __init__(
         self, rig: Rig, between: tuple[float, float] | None, budget: Budget
     ) -> None:
-        setting = replace(trial(rig.natural), method=rig.method)
+        setting = trial(rig.natural)
         speeds = speeds_of(rig, between)
         self._own = rig
         self._range = 1.0 if between is None else speeds[-1] / speeds[0]

@@ -322,7 +322,8 @@ def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
     kinds = list[str]()
     with suppress(BudgetExhausted, InputError):
         for other in range(1, SEEDS + 1):
-            kinds.append(budget.regime(trial(rig, other=other)).kind)
+            case = trial(rig, other=other, most=math.inf)
+            kinds.append(budget.regime(case).kind)
     return sum(kind in OSCILLATES for kind in kinds), len(kinds)
 
 

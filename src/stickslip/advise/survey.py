@@ -249,8 +249,8 @@ class Survey:
         self._confirm(budget)
 
     def _judge(self, budget: Budget, speed: float) -> str:
-        """Return the motion in a run at a speed; an oscillation where one run decides
-        little has to show in a second one.
+        """Return the motion in a run at a speed. Where one run decides little, an
+        oscillation has to show in a second one, with all contacts of the rig, too.
         """
         case = self._case(speed)
         try:
@@ -284,11 +284,11 @@ class Survey:
                     self.known[speed] = "undecided"
 
     def _case(self, speed: float, other: int = 0) -> Rig:
-        """Return the rig for a run at a multiple of its own speed, or with other
-        contacts.
+        """Return the rig for a run at a multiple of its own speed; with `other` > 0,
+        with differently drawn contacts, and all of them.
         """
-        velocity = speed * self._setting.natural.velocity
-        return trial(VELOCITY.set(self._setting, velocity), other=other)
+        there = VELOCITY.set(self._setting, speed * self._setting.natural.velocity)
+        return trial(there, other=other, most=math.inf) if other else trial(there)
 
     def _contradicted(self) -> list[list[float]]:
         """Return successive speeds with an oscillation between speeds without, or the
