@@ -271,7 +271,7 @@ def speeds(found: Findings) -> Iterator[str]:
             continue
         span = _span(found, *band.ends, band.low_found, band.high_found)
         note = " if started from rest" if band.bistable else _NOTES.get(band.kind, "")
-        yield f"{band.motion.removesuffix(' from rest only')} {span}{note}"
+        yield f"{band.motion.removesuffix(' (from rest only)')} {span}{note}"
     yield from at_work(found)
 
 

@@ -86,7 +86,7 @@ class Band:
     def motion(self) -> str:
         """The kind of motion in words."""
         return MOTIONS.get(self.kind, self.kind) + (
-            " from rest only" if self.bistable else ""
+            " (from rest only)" if self.bistable else ""
         )
 
 

@@ -1,6 +1,5 @@
 """Values that the command line sets in a rig: ``--set drive.velocity="2 mm/s"``."""
 
-import copy
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,9 +34,12 @@ def read_rig_with(path: FileName, settings: Sequence[str]) -> Rig:
     """
     if not settings:
         return read_rig(path)
-    document = copy.deepcopy(content_of(Path(path)))
-    for setting in settings:
-        _set(document, setting)
+
+    def change(document: Document) -> None:
+        for setting in settings:
+            _set(document, setting)
+
+    document = content_of(Path(path), change=change)
     return from_document(document, f"{Path(path).name} with --set")
 
 
