@@ -77,6 +77,8 @@ def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("rerun", one, "-o", two) == 0
     assert ss.load(one).identical(ss.load(two))
+    with pytest.raises(ss.InputError, match="name it one"):
+        ss.save(ss.load(one), tmp_path / "one.csv")
     capsys.readouterr()
     assert run("measure", one, "--json", "--events", tmp_path / "slips.csv") == 0
     measured = json.loads(capsys.readouterr().out)
@@ -172,6 +174,8 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("predict rig.toml --fast --thorough", "excludes --thorough"),
         ("predict latin.toml", "line 1 is not in UTF-8"),
         ("predict rig.toml --set drive.speed=1", "did you mean 'velocity'?"),
+        ("predict rig.toml --set velocity=1", "did you mean drive.velocity?"),
+        ("predict", "--rig requires an argument; a value that"),
         ("simulate rig.toml -o run.csv", "a run is written as .nc"),
         ("export rig.toml --to statespace --poles 5.5", "must be a whole number"),
         ("sweep --status --store s --plot a.png", "--plot: is not drawn with --status"),

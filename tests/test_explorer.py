@@ -369,6 +369,16 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
     assert np.ptp(simulated) > 3.0
 
 
+def test_a_fit_with_intervals_knows_the_bench(slips, monkeypatch):
+    def names(_events, *, known, **_more):
+        raise InputError(" ".join(sorted(fitting.bench.read_known(known))))
+
+    monkeypatch.setattr(fitting, "fit", names)
+    request = slips | {"options": BENCH, "draws": 2_000, "table": True}
+    with pytest.raises(InputError, match="mass stiffness velocity"):
+        next(traces.posterior(request, silent))
+
+
 @pytest.mark.takes(5)
 def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
     """Friction in fast slips tells less than slow sliding, which gives the delay."""

@@ -120,8 +120,9 @@ def sawtooth(folder):
     t = np.arange(0, 20, 0.01)
     force = 3 + (0.9 * t % 1) * 0.8 + np.random.default_rng(0).normal(0, 0.01, t.size)
     file = folder / "bench.csv"
+    heading = "time [s],Friction force at the left load cell [N]"
     rows = [f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True)]
-    file.write_text("\n".join(["time [s],force [N]", *rows, ""]))
+    file.write_text("\n".join([heading, *rows, ""]))
     return file
 
 

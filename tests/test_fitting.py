@@ -511,6 +511,12 @@ def test_an_estimate_keeps_its_error_through_arithmetic_with_numbers(number):
     assert (np.ones(2) * one).tolist() == (one * np.ones(2)).tolist() == [4.0, 4.0]
 
 
+def test_a_torque_is_no_force_to_fit():
+    events = replace(force7(after=45), force_unit="Nm")
+    with pytest.raises(ss.InputError, match="is in Nm, which is no unit of force"):
+        fitting.force_unit_in_newtons(events, {})
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -519,8 +525,6 @@ def test_an_estimate_keeps_its_error_through_arithmetic_with_numbers(number):
         (("--after", "1.99 min"), r"2 samples of spring_force are too few"),
         (("--after", "5 mm"), r"--after: '5 mm'"),
         (("--minimum-drop", "5 s"), r"--minimum-drop: '5 s'"),
-        (("--smallest", "3"), r"--smallest: is called --minimum-drop now"),
-        (("--speed=3 mm/s",), r"--speed: is called --velocity now"),
         (("--velocity", "3 s"), r"known\.velocity = '3 s'"),
     ],
 )
@@ -531,8 +535,3 @@ def test_a_fit_takes_the_options_of_a_reading(options, words, tmp_path, capsys):
     assert cli.main(["fit", str(file), "--step", "250 ms", *options]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
-
-
-def test_the_velocity_of_a_drive_has_one_name():
-    with pytest.raises(ss.InputError, match="known: 'speed': is called 'velocity' now"):
-        fitting.bench.read_known({"speed": "1 mm/s"})

@@ -12,6 +12,7 @@ import stickslip as ss
 from stickslip.advise.budget import Budget
 from stickslip.advise.doubt import Doubt
 from stickslip.io.rig_files import to_toml
+from stickslip.io.settings import read_rig_with
 from stickslip.model import TabulatedGrowth
 
 SPEEDS = np.geomspace(0.03, 30.0, 13)
@@ -258,9 +259,9 @@ def test_forces_in_a_file_beside_it_and_a_rise(tmp_path, marks, encoding):
     text = text.translate(str.maketrans(",.", marks))
     (tmp_path / "mu.csv").write_text(text, encoding=encoding)
     document = tomllib.loads(to_toml(stage(), own=False))
-    document["interface"] = STAGE["interface"] | {"friction": "mu.csv"}
+    document["interface"] = STAGE["interface"] | {"friction": "gone.csv"}
     (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
-    rig = ss.read_rig(tmp_path / "rig.toml")
+    rig = read_rig_with(tmp_path / "rig.toml", ["interface.friction=mu.csv"])
     for speed, force in ((1e-4, 30.0), (1e-2, 20.5), (0.1, 25.0)):
         friction, _ = friction_of(rig, speed)
         viscous = (rig.value("damping") - stage().value("damping")) * 3.0 * speed

@@ -110,6 +110,10 @@ def test_a_verdict_counts_other_contacts(kind, lasting, said, mitigated, found):
     assert said in words if said else "lasts in" not in words
     assert here.needs_mitigation == mitigated
     assert here.smooth == (not mitigated)
+    # noise that ends smooth sliding is that of the rig, whose run may have fewer
+    rig = here.rig.replace(method=ss.Contacts(77_000))
+    noisy = str(replace(here, rig=rig, survives_noise=False))
+    assert ("but 77000 contacts leave" in noisy) == (kind == "stick-slip")
 
 
 @pytest.mark.parametrize("count", [7, 40, 60])

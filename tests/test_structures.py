@@ -320,6 +320,8 @@ REFUSED = (
     "Matrices.C: is 0; give damping",
     lambda: ss.predict(rig(HELD_BACK)),
     "follow the drive at 0.25 of its speed",
+    lambda: ss.predict(rig(lambda s: s + 1.0)),
+    "a linear structure, which can be simulated",
     lambda: count_unstable(rig(RUNAWAY)),
     "with its sliding surface held still",
     lambda: is_sustained(rig(TWO, 1e-6)),
@@ -590,10 +592,17 @@ def test_a_page_to_forward_says_what_an_axis_does():
     assert page.count(html.escape(answer.headline)) == 1
 
 
+STILL = axis_with(0.2, delay=0.0), axis_with(2.0, sample_time=4e-3)
+DIVERGENT = axis_with(2.0, sample_time=5e-3), axis_with(0.2, sample_time=1e-2)
+
+
 @pytest.mark.takes(4)  # of long moves, or of many steps
-def test_without_delay_no_move_hunts():
-    hunt = Hunt(axis_with(0.2, delay=0.0))
-    assert not any(hunt.move(distance).hunts for distance in hunt.moves)
+@pytest.mark.parametrize("axis", [*STILL, *DIVERGENT])
+def test_without_hunting_an_axis_moves_on_only_if_its_controller_diverges(axis):
+    hunt = Hunt(axis)
+    diverges = axis in DIVERGENT
+    assert bool(ss.predict(axis, fast=True).diverges) == diverges
+    assert {hunt.move(distance).hunts for distance in hunt.moves} == {diverges}
 
 
 def test_tracking_that_is_unsteady_without_an_integral_is_said():
@@ -612,6 +621,7 @@ def test_the_shipped_axis_is_answered_in_its_units(capsys):
     assert "steady at 20 mm/s up to Ki = " in text
     assert "at rest    may hunt, depending on the move, by " in text
     assert "raise Kp above " in text
+    assert "with that Kp it is unsteady at speed" in text
 
 
 @pytest.mark.takes(5)  # of long moves, or of many steps

@@ -2,11 +2,11 @@
 A velocity step on basalt, as rate and state and as contacts
 ============================================================
 
-Friction of basalt gouge in the laboratory, while the velocity of the load point rises
-from 3 to 10 µm/s (Giacomel and others, MIT licence). The slip law fits it with a, b and
-D. Contacts with temperature and ageing fit it as well, with as many numbers, if their
-thresholds are scattered broadly: with narrow ones the force would ring, and that of the
-rock does not.
+Friction of basalt gouge in the laboratory, in a velocity step of the load point from 3
+to 10 µm/s (Giacomel and others, MIT licence). The slip law fits it with a, b and D.
+Contacts with temperature and ageing fit it equally well, with the same number of
+parameters, if the distribution of their thresholds is broad: with a narrow one the
+force would oscillate after the step, and the measured force does not.
 
 Run it with ``python examples/practice/basalt_step.py step.png``.
 """

@@ -2,12 +2,11 @@
 The lightest bow that makes a string sing
 =========================================
 
-What holds the slider need not be a spring: here the bow rubs on a string, whose modes
-enter through their impedance at the bow. Below some friction force the string's own
-losses prevail, and only noise is heard. That smallest force rises with the speed of the
-bow, as players know; the theory of linear stability gives it, and the harmonic that
-starts first. What the string does once it sings (Helmholtz's motion) is beyond linear
-theory.
+The slider need not hang on a spring: here the bow rubs on a string, whose modes enter
+through their impedance at the bow. Below a smallest friction force the losses of the
+string prevail, and only noise is heard. That force rises with the speed of the bow, as
+players know; linear stability theory gives it, and the harmonic that starts first. What
+the string does once it sings (Helmholtz's motion) is beyond linear theory.
 
 Run it with ``python examples/practice/bowed_string.py string.png``.
 """

@@ -2,10 +2,10 @@
 Creep groan of a brake, and what damping does to it
 ===================================================
 
-A car rolls off slowly, the brake half released, and groans. Over which speeds, and how
-much does damping between caliper and its mount help? The map is computed from the
-theory of linear stability, not swept: damping lowers the speed at which the groan ends,
-and does little about the one at which it begins.
+A car starts slowly with its brake half released, and groans. At which speeds, and how
+much does damping between the caliper and its mount help? The map is computed by linear
+stability theory, without simulations: damping lowers the speed at which the groan ends,
+and hardly changes the speed at which it begins.
 
 Run it with ``python examples/practice/brake_pad.py brake_pad.png``.
 """

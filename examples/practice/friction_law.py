@@ -2,7 +2,7 @@
 Friction laws with a minimum and a maximum
 ==========================================
 
-The exact kinetic friction over the speed, for contacts that break by thermal
+The exact kinetic friction against speed, for contacts that break by thermal
 activation. With temperature alone friction rises with speed: fast contacts have less
 time to break. Thresholds that grow with age raise the friction of slow sliding: it
 falls with the speed down to a minimum. A delay before contacts re-attach lowers the

@@ -2,11 +2,11 @@
 Up to which gain does a positioning axis hunt?
 ==============================================
 
-A position controller with an integral term pulls an axis on as long as an error is
-left, while contacts that have rested hold it: it slips too far, and returns in the same
-way. Whether it hunts depends on the move, up to a fold of the gain; the width follows
-from one slip. The gains are raised together, so that damping and integral time stay the
-same.
+A position controller with an integral term pulls on an axis as long as an error is
+left, while contacts that have rested hold it: the axis slips too far, and returns in
+the same way. Up to a fold of the gain, it depends on the move whether the axis hunts;
+the peak-to-peak amplitude follows from one slip. The gains are raised together, so that
+damping and integral time stay the same.
 
 Run it with ``python examples/practice/hunting_axis.py hunting.png``.
 """

@@ -3,8 +3,8 @@ A trace, and the interface behind it
 ====================================
 
 A block is pulled slowly through a spring; only the force was recorded. How strong are
-its contacts, how far do they stretch before they break, and what does the trace not
-tell? Here the true values are known: `synthetic_trace` records what a bench would
+its contacts, how far do they stretch before they break, and what does the trace leave
+open? Here the true values are known: `synthetic_trace` records what a bench would
 record, and `stickslip.fit` sees nothing else.
 
 Run it with ``python examples/practice/measured_trace.py fit.png``. For the usual, wider

@@ -5,8 +5,8 @@ A measured regime diagram
 Paper slides on paper, pulled by springs of three stiffnesses at three velocities (Colas
 et al., *Phys. Rev. E*, 2019). From the stiffness of the spring, the velocity of the
 drive and the force, the motion of the slider follows:
-``stickslip measure --stiffness --velocity``. What do five of these traces say about the
-interface?
+``stickslip measure --stiffness --velocity``. What do five of these traces reveal about
+the interface?
 
 Beside each stands a model of 280 contacts **without any weakening**: no delay, no
 ageing, no temperature. Its smooth sliding is stable everywhere, and only the noise of
@@ -15,13 +15,13 @@ noise, it has the same motion as the paper in all five cases, and so does a mode
 delay of 50 µs. Such traces show how many contacts there are and how strong they are;
 they do not reveal a mechanism.
 
-The failures of both models tell more. At 42 µm/s the force drops by 11, 24 and 8 mN on
-springs of 168, 1002 and 2254 N/m; without weakening by 16, 15 and 14 mN, with the delay
-by 21, 16 and 14 mN.
+Where both models fail is more instructive. At 42 µm/s the force drops by 11, 24 and 8
+mN on springs of 168, 1002 and 2254 N/m; without weakening by 16, 15 and 14 mN, with the
+delay by 21, 16 and 14 mN.
 
-Five motions, drops and periods are compared with five parameters that were fitted to
-these traces and four more (number of contacts, standard deviation of the thresholds,
-breaking displacement, strength, damping), and one more for the delay.
+The motions, drops and periods of five traces are compared here. Five parameters were
+fitted to these traces and to four others: number of contacts, standard deviation of the
+thresholds, breaking displacement, strength and damping; the delay is a sixth.
 
 Run it with ``python examples/practice/regime_diagram.py diagram.png beside.png``.
 """

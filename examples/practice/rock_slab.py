@@ -24,7 +24,7 @@ FACTORS = (0.1, 0.3, 1.0)
 
 def load(slab: ss.Rig, factor: float):
     """Return a run at another speed over the same distance, in SI units."""
-    output = ss.Output(interval=2e-3)  # in s: a slip lasts some milliseconds
+    output = ss.Output(interval=2e-3)  # in s: a slip takes some milliseconds
     return ss.simulate(slab.with_values(velocity=factor * slab.velocity), output=output)
 
 

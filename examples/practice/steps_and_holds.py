@@ -2,12 +2,12 @@
 Velocity steps and holds
 ========================
 
-Contacts that break by thermal activation reproduce what rate and state was made to
-describe: after a jump of the velocity the friction force rises at once, then falls over
-some slip; after a hold it peaks, the higher, the longer the hold. Contacts whose
-thresholds grow with the logarithm of their age weaken with velocity in the end and heal
-by the slope of that growth for each e-fold of time; contacts that do not age
-strengthen, and hardly heal.
+Contacts that break by thermal activation show what rate-and-state laws describe: after
+a step up in velocity the friction force rises at once, and then falls over a slip
+distance; after a hold it peaks, and the peak grows with the time of the hold. Contacts
+whose thresholds grow with the logarithm of their age are velocity-weakening in steady
+state, and heal by the slope of that growth for each factor e in time; contacts that do
+not age are velocity-strengthening, and hardly heal.
 
 Run it with ``python examples/practice/steps_and_holds.py steps.png``.
 """

@@ -1,13 +1,13 @@
 """
-What a surface tells
-====================
+The interface behind a surface
+==============================
 
 A map of heights is a prior for the interface of a rig, not a prediction. Pressed on a
 flat surface, it gives the standard deviation of the thresholds, a few times what rigs
 usually assume, and two lengths: contacts that slip when friction no longer holds them
-break after some 0.1 µm, contacts that last while they overlap break after some 10 µm.
-It does not say which of the two is right, and the verdict depends on that. One slow
-pull with a velocity step decides.
+break after some 0.1 µm, contacts that hold while they overlap break after some 10 µm.
+The map does not decide between the two lengths, and the verdict depends on them. One
+slow pull with a velocity step decides.
 
 The stage of *Predict a rig and choose a mitigation* stick-slips with the values assumed
 there. On the interface of this map it slides smoothly with one length, and oscillates

@@ -4,7 +4,7 @@ One block, three springs
 
 For the classroom: a block on sandpaper is pulled by a spring and a slow motor. With a
 soft spring it sticks and slips; with stiffer springs the slips get smaller and faster,
-until the block slides. `stickslip.regime` says which, and why.
+until the block slides. `stickslip.regime` returns the motion, with its evidence.
 
 Run it with ``python examples/practice/teaching_bench.py bench.png``; in the browser,
 ``stickslip explore teaching_bench`` has a slider for the spring.

@@ -3,9 +3,9 @@ A wiper chatters where it turns round
 =====================================
 
 A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of
-the stroke, or at its ends? The theory of linear stability gives the speeds between
-which smooth wiping cannot last; a simulated stroke shows what that looks like. Chatter
-takes time to grow and to decay, so it lags behind the speed.
+the stroke, or at its ends? Linear stability theory gives the range of speeds in which
+smooth wiping is unstable; a simulated stroke shows the chatter. It takes time to grow
+and to decay, and so lags behind the speed.
 
 Run it with ``python examples/practice/wiper.py wiper.png``.
 """

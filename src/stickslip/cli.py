@@ -345,7 +345,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     """Run a command, and report a failure in one line."""
     try:
-        _refuse_old_names(sys.argv[1:] if arguments is None else arguments)
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
@@ -358,25 +357,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         hint = (
             "; a value that begins with '-' is written --NAME=VALUE" if dashed else ""
         )
-        return _fail(f"{error}{hint} (see stickslip --help)")
+        return _fail(f"{str(error).rstrip('.')}{hint} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0
-
-
-def _refuse_old_names(arguments: Sequence[str]) -> None:
-    """Raise `InputError` for the former name of an option, with its present name."""
-    renamed = _RENAMED.get(arguments[0], {}) if arguments else {}
-    for argument in arguments[1:]:
-        old = argument.partition("=")[0]
-        if old in renamed:
-            raise InputError(f"{old}: is called {renamed[old]} now, as in `measure`")
-
-
-_RENAMED = {"fit": {"--smallest": "--minimum-drop", "--speed": "--velocity"}}
-"""Former names of the options of a command, with their present names."""
 
 
 def _fail(message: str, code: int = 2) -> int:
@@ -415,15 +401,6 @@ def _check_outputs(
         from stickslip.plot.style import format_of
 
         format_of(picture, kind)
-
-
-def _check_suffix(output: Path | None, what: str, suffix: str) -> None:
-    """Raise `InputError` if a file would be written under the suffix of another
-    kind.
-    """
-    if output is not None and output.suffix not in ("", suffix):
-        name = output.with_suffix(suffix).name
-        raise InputError(f"{output}: {what} is written as {suffix}; name it {name}")
 
 
 def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
@@ -651,7 +628,7 @@ def simulate(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
-    _check_suffix(output, "a run", ".nc")
+    files.check_suffix(output, "a run", ".nc")
     described = _rig_with(rig, settings)
     text = to_toml(described)  # before the run, as it may raise an error
     with console.working("simulating") as progress:
@@ -677,7 +654,7 @@ def rerun(
         Write the new run as NetCDF.
     """
     _check_outputs(output, picture=plot, read=run)
-    _check_suffix(output, "a run", ".nc")
+    files.check_suffix(output, "a run", ".nc")
     before = ss.load(run)
     with console.working("simulating") as progress:
         again = ss.rerun(before, progress=progress)
@@ -747,7 +724,7 @@ def measure(
     from stickslip.words import engineering
 
     _check_outputs(events, curve, picture=plot, read=data)
-    _check_suffix(events, "the catalogue of slips", ".csv")
+    files.check_suffix(events, "the catalogue of slips", ".csv")
     if curve is not None and curve.suffix != ".csv":
         _check_outputs(picture=curve)
     trace = bench.read(data, columns)
@@ -971,7 +948,7 @@ def fit(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)
-    _check_suffix(output, "a rig", ".toml")
+    files.check_suffix(output, "a rig", ".toml")
     if output is not None and stiffness is None:
         raise InputError(
             f"-o {output}: a rig needs the stiffness of the driving spring, without "
@@ -1043,7 +1020,7 @@ def surface(
     from stickslip.words import engineering
 
     _check_outputs(output, picture=plot, read=heights)
-    _check_suffix(output, "a rig", ".toml")
+    files.check_suffix(output, "a rig", ".toml")
     body = options.body()
     read = ss.surface.read(heights, unit=options.unit, spacing=options.spacing)
     with bar("pressing") as progress:

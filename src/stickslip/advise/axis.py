@@ -12,11 +12,13 @@ from stickslip.answers import Answer
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
+from stickslip.stability import count_unstable
 from stickslip.structures.hunting import (
     Hunt,
     Move,
     Slip,
     Tracking,
+    is_unstable,
     strengthens,
     tracking,
     with_gain,
@@ -50,7 +52,16 @@ class AxisAnswer(Answer):
     @property
     def possible(self) -> bool:
         """Whether hunting at rest is possible at all."""
-        return self._hunt.possible
+        return self._hunt.possible and not self.diverges
+
+    @property
+    def diverges(self) -> str:
+        """State of the contacts, broken or attached, in which the controller itself
+        makes the axis unstable; empty if it is stable in both.
+        """
+        states = (0.0, "all contacts are broken"), (1.0, "all contacts are attached")
+        axis = self._hunt.axis
+        return next((word for k, word in states if is_unstable(axis, k)), "")
 
     @property
     def hunts(self) -> bool:
@@ -106,6 +117,8 @@ class AxisAnswer(Answer):
     @property
     def _at_rest(self) -> str:
         width = self._length(self.peak_to_peak)
+        if self.diverges:
+            return "unstable by its controller"
         if not self.possible:
             return "cannot hunt"
         if self.hunts:
@@ -134,12 +147,19 @@ class AxisAnswer(Answer):
                 f"             to stop it, raise Kp above {kp}, Kd and Ki with it",
                 "             (same damping and Kp/Ki); or hold without the integral",
             ]
+            raised = with_gain(axis, self.gain)
+            there = replace(self.rig.natural, slider=raised)
+            if found is not None and count_unstable(there):
+                lines.append("             with that Kp it is unsteady at speed")
         if axis.sample_time:
             lines.append("  roots with the hold between samples; moves with each")
         return "\n".join(lines)
 
     def _evidence(self) -> list[str]:
         """Return the evidence for the verdict at rest, in lines."""
+        if self.diverges:
+            sampled = " and its sample time" * bool(self._hunt.axis.sample_time)
+            return [f"its gains{sampled} make it diverge", f"while {self.diverges}"]
         if not strengthens(self.rig.interface):
             return ["contacts do not strengthen with rest: no delay, no ageing"]
         if self._hunt.axis.ki == 0.0:
@@ -148,7 +168,10 @@ class AxisAnswer(Answer):
             return ["pulled slowly it slides off without a slip"]
         away, slip = map(self._length, (self.slip.break_away, self.slip.length))
         than = "further" if self.possible else "no further"
-        lines = [f"pulled slowly it breaks away after {away} and slips {slip}: {than}"]
+        lines = [
+            f"pulled slowly, it breaks away after {away}",
+            f"and slips {slip}, {than} than that",
+        ]
         for hunts, word in ((True, "hunts after"), (False, "settles after")):
             moves = [m for m in self.moves if m.hunts is hunts]
             if moves:
@@ -174,6 +197,7 @@ class AxisAnswer(Answer):
             "ki_limit": limit * rig.unit("k/time") if math.isfinite(limit) else None,
             "ki_unit": rig.unit_name("k/time"),
             "can_hunt": self.possible,
+            "diverges": bool(self.diverges),
             "hunts": self.hunts if self.moves or not self.possible else None,
             "peak_to_peak": self.peak_to_peak * length if self.possible else 0.0,
             "break_away": self.slip.break_away * length,
@@ -238,7 +262,7 @@ def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:
 def complete_axis(found: AxisAnswer, progress: Progress) -> AxisAnswer:
     """Return the answer with the simulated moves, and the gain that stops hunting."""
     hunt = found._hunt
-    if not hunt.possible:
+    if not found.possible:
         return replace(found, complete=True)
     moves = []
     for i, distance in enumerate(hunt.moves):

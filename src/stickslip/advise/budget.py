@@ -54,7 +54,7 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 # near a stability limit agree with linear theory, within a fifth. Beyond it, they may
 # be a third of what the theory predicts.
 LINEAR_NOISE = 0.2
-# number of contacts above which a regime neglects their noise
+# number of contacts above which the noise of their force is not seen in a regime
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # Estimated seconds of work that count as one run, by `is_expensive`. Most runs take
 # half of their estimate.
@@ -118,24 +118,25 @@ def until_decayed(rig: Rig) -> float:
     return rig.natural.velocity * _DECAYS / -rate if rate < 0 else 0.0
 
 
-def method_of(rig: Rig, other: int = 0) -> Contacts:
+def method_of(rig: Rig, other: int = 0, most: float = _UNSEEN) -> Contacts:
     """Return the method of the runs that decide the motion of a rig: its own contacts,
-    up to a number whose noise is negligible, or with `other` > 0 differently drawn
-    ones.
+    or with `other` > 0 differently drawn ones; by default no more than a number whose
+    noise is not seen in the force.
     """
     own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
-    return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
+    return Contacts(int(min(own.count, most)), seed=own.seed + other)
 
 
-def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
+def trial(
+    rig: Rig, distance: float = 0.0, other: int = 0, most: float = _UNSEEN
+) -> Rig:
     """Return the rig for a run from rest at its constant speed, long enough to decide
-    the regime, and at least for a distance.
+    the regime, and at least for a distance; `other` and `most` as in `method_of`.
     """
     # rounded, so that equal rigs compare equal however they were computed
     speed = float(f"{rig.natural.velocity:.12g}")
-    there = Rig(
-        rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
-    )
+    method = method_of(rig, other, most)
+    there = Rig(rig.interface, rig.slider, constant(speed), method=method)
     return replace(
         there, drive=constant(speed, max(length_of(there), distance) / speed)
     )
@@ -163,11 +164,12 @@ def is_expensive(rig: Rig) -> bool:
 
 
 def varies(rig: Rig) -> bool:
-    """Whether one run decides little: the contacts are few, or re-attach only at an
-    arrest, which may not come.
+    """Whether one run decides little: the contacts are few, or their noise ends smooth
+    sliding, or they re-attach only at an arrest, which may not come.
     """
     count = getattr(rig.method, "count", math.inf)
-    return count < _FEW or isinstance(rig.interface.delay, OnArrest)
+    waits = isinstance(rig.interface.delay, OnArrest)
+    return count < _FEW or waits or not survives_noise(rig)
 
 
 def cost_of_run(rig: Rig) -> float:

@@ -109,19 +109,21 @@ def _changed(rig: Rig, factor: float, direction: Direction) -> Mitigation:
 
 def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
     """Return a change with the noise of smooth sliding after it: by linear theory or,
-    where the noise is too large for that, from one more run.
+    where the noise is too large for that, from one more run, if that shows noise alone.
     """
     there = rig.with_values(**{change.parameter: change.to})
+    noise = change.noise
     with suppress(InputError, UndecidedError):  # the theory does not apply
         found = contact_noise(there)
+        noise = found.relative_force
         if found.relative_velocity <= LINEAR_NOISE:
-            return replace(change, noise=found.relative_force)
+            return replace(change, noise=noise)
     with suppress(InputError):
         budget = Budget(math.inf)
         *_, (run, seen) = budget.until_decided(budget.record(trial(there)), 1.0)
         if seen.is_noise:
-            return replace(change, noise=fluctuation(run, seen))
-    return change
+            noise = fluctuation(run, seen)
+    return replace(change, noise=noise)
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:

@@ -41,7 +41,7 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
-from stickslip.model import Delay, ElasticBody, OnArrest
+from stickslip.model import Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import (
@@ -122,6 +122,12 @@ def predict(
     """
     instance(
         "rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns"
+    )
+    instance(
+        "Rig.slider",
+        rig.slider,
+        Slider | Structure | ElasticBody,
+        "a Slider, an elastic body or a linear structure, which can be simulated",
     )
     if smooth is not None:
         rig = replace(
@@ -316,7 +322,8 @@ def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
     kinds = list[str]()
     with suppress(BudgetExhausted, InputError):
         for other in range(1, SEEDS + 1):
-            kinds.append(budget.regime(trial(rig, other=other)).kind)
+            case = trial(rig, other=other, most=math.inf)
+            kinds.append(budget.regime(case).kind)
     return sum(kind in OSCILLATES for kind in kinds), len(kinds)
 
 

@@ -239,7 +239,8 @@ def _own_motion(found: Findings) -> Motion:
     rest += f"; {often}" * bool(often)
     if found.bistable:
         return Motion(kind, f"{rest}; bistable", _BISTABLE)
-    left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
+    count = getattr(found.rig.method, "count", None)
+    left = f"no mode grows, but {count} contacts leave smooth sliding by their noise"
     return Motion(kind, rest, left if modes == 0 else "")
 
 
@@ -270,7 +271,7 @@ def speeds(found: Findings) -> Iterator[str]:
             continue
         span = _span(found, *band.ends, band.low_found, band.high_found)
         note = " if started from rest" if band.bistable else _NOTES.get(band.kind, "")
-        yield f"{band.motion.removesuffix(' from rest only')} {span}{note}"
+        yield f"{band.motion.removesuffix(' (from rest only)')} {span}{note}"
     yield from at_work(found)
 
 

@@ -86,7 +86,7 @@ class Band:
     def motion(self) -> str:
         """The kind of motion in words."""
         return MOTIONS.get(self.kind, self.kind) + (
-            " from rest only" if self.bistable else ""
+            " (from rest only)" if self.bistable else ""
         )
 
 
@@ -215,7 +215,7 @@ class Survey:
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
-        self._setting = trial(rig)
+        self._setting = replace(trial(rig), method=rig.method)
         self._linear = linear
         self._works = works_at(rig)
         places = [*self._works, *_grid(linear)]
@@ -239,22 +239,32 @@ class Survey:
             looked.add(speed)
             # the budget may still suffice for a shorter run at another speed
             with suppress(BudgetExhausted):
-                try:
-                    self.known[speed] = budget.regime(self._case(speed)).kind
-                except InputError:
-                    self.known[speed] = "undecided"
+                self.known[speed] = self._judge(budget, speed)
         for speeds in self._contradicted():
             middle = speeds[len(speeds) // 2]
             with suppress(BudgetExhausted):
-                again = budget.regime(self._case(middle, 1)).kind
+                again = budget.regime(self._case(middle, 2)).kind
                 if again != self.known[middle]:
                     self.known |= dict.fromkeys(speeds, "undecided")
-        if varies(self._setting):
-            self._confirm(budget)
+        self._confirm(budget)
+
+    def _judge(self, budget: Budget, speed: float) -> str:
+        """Return the motion in a run at a speed. Where one run decides little, an
+        oscillation has to show in a second one, with all contacts of the rig, too.
+        """
+        case = self._case(speed)
+        try:
+            kind = str(budget.regime(case).kind)
+            if kind in OSCILLATES and varies(case):
+                again = budget.regime(self._case(speed, 1)).kind
+                return kind if again == kind else "undecided"
+        except InputError:
+            return "undecided"
+        return kind
 
     def _confirm(self, budget: Budget) -> None:
-        """Repeat runs next to a change of motion with other contacts: the motion there
-        is undecided if these disagree.
+        """Repeat runs next to a change of motion with other contacts, where one run
+        decides little: the motion there is undecided if these disagree.
         """
         asked = {1.0}  # the speed of the rig itself is judged elsewhere
         turns = bounded("Survey.confirm", HALVINGS)
@@ -263,7 +273,7 @@ class Survey:
             for band in self._linear
             for change in self._changes(band)
             for speed, kind in change
-            if kind != band.kind and speed not in asked
+            if kind != band.kind and speed not in asked and varies(self._case(speed))
         ]:
             next(turns)
             asked.add(speed := ends[0])
@@ -274,11 +284,11 @@ class Survey:
                     self.known[speed] = "undecided"
 
     def _case(self, speed: float, other: int = 0) -> Rig:
-        """Return the rig for a run at a multiple of its own speed, or with other
-        contacts.
+        """Return the rig for a run at a multiple of its own speed; with `other` > 0,
+        with differently drawn contacts, and all of them.
         """
-        velocity = speed * self._setting.natural.velocity
-        return trial(VELOCITY.set(self._setting, velocity), other=other)
+        there = VELOCITY.set(self._setting, speed * self._setting.natural.velocity)
+        return trial(there, other=other, most=math.inf) if other else trial(there)
 
     def _contradicted(self) -> list[list[float]]:
         """Return successive speeds with an oscillation between speeds without, or the

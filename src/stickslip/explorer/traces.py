@@ -338,6 +338,8 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
             "shared"
         )
     known = {key: options[key] for key in _NEEDED if key in options}
+    if "speed" in known:  # the name in `quick_fit`
+        known["velocity"] = known.pop("speed")
     found = fitting.fit(events, known=known, draws=draws, progress=watch)
     try:
         rig = _rig(found.rig(name=f"fit of {_name(request)}"))
@@ -370,9 +372,10 @@ _VERDICTS = {
     "identified": "identified: the trace determines it",
     "weak": "weak: the trace determines it poorly",
     "not identified": (
-        "not identified: the interval is hardly narrower than what was held possible"
+        "not identified: the interval is hardly narrower than the range that was "
+        "considered possible"
     ),
-    "at a bound": "at a bound of what was held possible",
+    "at a bound": "at a bound of the range considered possible",
 }
 
 

@@ -47,8 +47,6 @@ def read_known(given: Mapping[str, object] | None) -> Known:
     instance("known", known, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
     found = {}
     for name, value in known.items():
-        if name == "speed":
-            raise InputError("known: 'speed': is called 'velocity' now", "known")
         if name not in _UNITS:
             raise InputError(
                 f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known"
@@ -102,15 +100,16 @@ def newtons(events: Events, known: Known) -> float:
     """Return the unit of the force of a trace in N; for a coefficient of friction, the
     load.
     """
-    size = (
-        known.get("load", (None,))[0]
-        if events.force_unit == "1"
-        else ratio(events.force_unit or "N", "N")
-    )
+    unit = events.force_unit or "N"
+    if unit == "1":
+        if "load" not in known:
+            raise InputError("fit: a coefficient of friction needs the load; give it")
+        return known["load"][0]
+    size = ratio(unit, "N")
     if size is None:
         raise InputError(
-            "fit: the force has no unit of force; give the load with a coefficient of "
-            "friction"
+            f"fit: the force is in {unit}, which is no unit of force; give the force "
+            f"of one {unit} (--scale, or after the column: force='2:6.5 N')"
         )
     return size
 

@@ -174,10 +174,11 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
     Raises
     ------
     InputError
-        If the file cannot be written.
+        If the file cannot be written, or has the suffix of another kind.
     """
     import xarray as xr
 
+    files.check_suffix(path, "a Dataset", ".nc")
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
     encoding = {

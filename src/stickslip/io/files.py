@@ -37,6 +37,15 @@ _REMEDIES = {
 _OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
+def check_suffix(path: FileName | None, what: str, suffix: str) -> None:
+    """Raise `InputError` if a file would be written under the suffix of another
+    kind.
+    """
+    if path is not None and Path(path).suffix not in ("", suffix):
+        name = Path(path).with_suffix(suffix).name
+        raise InputError(f"{path}: {what} is written as {suffix}; name it {name}")
+
+
 def size(path: FileName, kind: str, *, largest: int) -> int:
     """Return the size in bytes of a regular file; `InputError` if it exceeds `largest`.
 

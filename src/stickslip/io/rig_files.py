@@ -7,7 +7,7 @@ keys. Stretchings of distributions are relative to ``interface.breaking_displace
 import os
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -87,14 +87,19 @@ def read_rig(path: FileName | Mapping[str, Any]) -> Rig:
 
 
 def content_of(
-    path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`"
+    path: Path,
+    kind: str = "rig file",
+    example: str = "`stickslip new pmma_slider`",
+    change: Callable[[Document], None] | None = None,
 ) -> Document:
     """Return the content of a file or, if there is no such file, of the example of that
-    name, with the points of a friction curve that it names.
+    name, after a change, with the points of a friction curve that it names.
     """
     if not path.suffix and not path.exists():
         path = example_file(str(path))
     content = read_toml(path, kind, example)
+    if change is not None:
+        change(content)
     interface = content.get("interface")
     if isinstance(interface, dict) and isinstance(interface.get("friction"), str):
         interface["friction"] = friction_points(path.parent / interface["friction"])

@@ -1,6 +1,5 @@
 """Values that the command line sets in a rig: ``--set drive.velocity="2 mm/s"``."""
 
-import copy
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 from stickslip.errors import InputError, shortened
 from stickslip.io.files import FileName
 from stickslip.io.rig_files import content_of, read_rig
-from stickslip.io.rig_keys import RULES
+from stickslip.io.rig_keys import RULES, TABLES, TOP
 from stickslip.io.rig_reader import from_document
 from stickslip.io.rig_writer import Document
 from stickslip.model.rig import Rig
@@ -35,9 +34,12 @@ def read_rig_with(path: FileName, settings: Sequence[str]) -> Rig:
     """
     if not settings:
         return read_rig(path)
-    document = copy.deepcopy(content_of(Path(path)))
-    for setting in settings:
-        _set(document, setting)
+
+    def change(document: Document) -> None:
+        for setting in settings:
+            _set(document, setting)
+
+    document = content_of(Path(path), change=change)
     return from_document(document, f"{Path(path).name} with --set")
 
 
@@ -50,6 +52,12 @@ def _set(document: Document, setting: str) -> None:
             f"--set {shortened(setting)}: must be a key of the file and its value, "
             'such as drive.velocity="2 mm/s"'
         )
+    if not tables and name not in TOP:
+        homes = [f"{each}.{name}" for each in document if name in TABLES.get(each, ())]
+        if homes:
+            raise InputError(
+                f"--set {shortened(setting)}: did you mean {' or '.join(homes)}?"
+            )
     place = document
     for table in tables:
         place = place.setdefault(table, {})

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance
@@ -42,6 +43,7 @@ _LARGEST = 100.0  # largest gain tried, over that of the axis
 # does not matter.
 _QUICK, _SLOW = 1e-3, 2e-4
 _SAMPLES = 40_000
+_ROUNDING = 1e-9  # of an eigenvalue
 
 
 class Tracking(NamedTuple):
@@ -139,6 +141,28 @@ def tracking(rig: Rig) -> Tracking:
 def strengthens(interface: Interface) -> bool:
     """Whether contacts strengthen at rest, without which no axis sticks."""
     return interface.ageing is not None or interface.delay.moment(1) > 0.0
+
+
+def is_unstable(axis: ControlledAxis, stiffness: float) -> bool:
+    """Whether a controlled axis diverges from its place while contacts of a constant
+    stiffness hold it: 0 if all have broken, 1 if all are attached.
+    """
+    every = axis.sample_time
+    if not every:  # criterion of Routh
+        damping = axis.kd / axis.mass + axis.damping
+        return axis.ki > damping * (axis.kp + stiffness)
+    free = np.zeros((3, 3))  # of position, velocity, and the force held
+    free[0, 1] = 1.0
+    free[1] = np.array([-stiffness, -axis.damping * axis.mass, 1.0]) / axis.mass
+    held = expm(every * free)
+    # the force after an update, by position, velocity, sum of errors, and last position
+    at_once = axis.kp + axis.ki * every + axis.kd / every
+    update = np.array([-at_once, 0.0, 1.0, axis.kd / every])
+    step = np.diag([0.0, 0.0, 1.0, 0.0])
+    step[:2, :2] = held[:2, :2]
+    step[:2] += np.outer(held[:2, 2], update)
+    step[2:, 0] = -axis.ki * every, 1.0
+    return bool(np.abs(np.linalg.eigvals(step)).max() > 1.0 + _ROUNDING)
 
 
 def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Slip:

@@ -76,7 +76,7 @@ function took(seconds) {
 }
 function offer(plan) {
   sizes = plan.sizes ?? [];
-  complainAt("posterior-complaint", plan.refused ? `No intervals: ${plan.refused}` : "");
+  if (plan.refused) complainAt("posterior-complaint", `No intervals: ${plan.refused}`);
   for (const button of [$("fit-coarse"), $("fit-full")]) {
     const size = sizes[button.dataset.size], name = button.dataset.size === "0" ? "Coarse" : "Full";
     button.disabled = !size || running;
@@ -103,11 +103,11 @@ function showPosterior(reply) {
     bar.append(element("i", { style: `left:${low}%;width:${high - low}%` }), element("b", { style: `left:${median}%` }));
     bar.setAttribute("role", "img");
     bar.setAttribute("aria-label", `90 % interval within ${prior}`);
-    bar.title = `held possible: ${prior}`;
+    bar.title = `considered possible: ${prior}`;
     const [word, ...rest] = says.split(": ");
     return [title, text, bar, element("span", {}, element("span", { className: "tells", textContent: word }), rest.length ? `: ${rest.join(": ")}` : "")];
   });
-  table("fit-parameters", rows, ["parameter", "median (90 %)", "within what was held possible", "what the trace determines"]);
+  table("fit-parameters", rows, ["parameter", "median (90 %)", "within the range considered possible", "what the trace determines"]);
   table("fit-quantities", reply.quantities);
   list("fit-notes", reply.notes);
   $("fit-no-rig").textContent = reply.no_rig ? pretty(reply.no_rig) : "";

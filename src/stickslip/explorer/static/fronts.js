@@ -51,12 +51,12 @@ $("bar-save").onclick = () => {
 
 function listEvents() {
   const { events, blocks, time: times, force, left_out: left } = shown.fronts;
-  const head = ["", label({ ...times, title: "at" }), "slipped", "began at block", "speed / sound", label({ ...force, title: "force drop" })];
+  const head = ["", label({ ...times, title: "at" }), "slipped", "began at block", "speed / sound", label({ ...force, title: "change of force" })];
   const rows = events.map((one, i) => {
     const button = element("button", { type: "button", textContent: "Closer", ariaLabel: `Closer: event at ${short(one.start)}` });
     button.onclick = () => look(i);
     const cells = [String(short(one.start)), one.blocks >= blocks ? "the whole bar" : `${one.blocks} of ${blocks} blocks`, String(one.from),
-      one.speed === null ? "no front" : one.speed > MANY ? "several at once" : one.speed.toPrecision(2), one.drop.toPrecision(3)];
+      one.speed === null ? "no front" : one.speed > MANY ? "several at once" : one.speed.toPrecision(2), (-one.drop).toPrecision(3)];
     return [button, ...cells];
   });
   table("fronts-events", rows, head);
