@@ -14,13 +14,13 @@ from scipy.signal import savgol_filter
 
 from stickslip.answers import Answer, plain
 from stickslip.arrays import Range
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import SAME_SPEED, Array, independent
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record, checked_span
 from stickslip.rate_state.fitting import Estimate
-from stickslip.rate_state.laws import LAWS, Law
+from stickslip.rate_state.laws import Law, laws_named
 from stickslip.rate_state.measured import StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import SteadyPiece
 
@@ -187,7 +187,7 @@ def fit_record(
             "(displacement=, --displacement), or give the time of one step and both "
             "velocities (at=, before= and after=; --step-at, --from and --to)"
         )
-    spring = stiffness and number("stiffness", stiffness, above=0)
+    laws = laws_named(law)
     span = checked_span(span)
     pieces = record.pieces
     steps = record.steps()
@@ -203,7 +203,6 @@ def fit_record(
             f"{speeds}; give the time of a step and both velocities (at=, before= and "
             "after=; --step-at, --from and --to)"
         )
-    laws = LAWS if law == "best" else (law,)
     fits = list[dict[Law, StepFit | UndecidedError]]()  # of each step
     with reporting(progress, "fit_record") as report:
         for k, pair in enumerate(steps):
@@ -213,7 +212,7 @@ def fit_record(
             except InputError as error:  # a piece is too short
                 fits.append(dict.fromkeys(laws, UndecidedError(str(error))))
             else:
-                fits.append(fit_laws(step, laws, spring, trend=trend))
+                fits.append(fit_laws(step, laws, stiffness, trend=trend))
     best = min(laws, key=lambda law: _unlikely([each[law] for each in fits]))
     chosen = [each[best] for each in fits]
     identified = tuple(fit for fit in chosen if isinstance(fit, StepFit))
