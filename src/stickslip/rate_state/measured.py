@@ -148,6 +148,10 @@ class StepFit(FittedStep):
         )
 
 
+LawFits = dict[Law, StepFit | UndecidedError]
+"""The fit of each law to a step, or why its parameters are not identified."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactsFit(FittedStep):
     """Parameters of contacts with Bell activation and logarithmic ageing, fitted to a
@@ -231,7 +235,10 @@ def _fitted(
     def above(value: Array) -> Array:
         fields: dict[str, Any] = dict(zip(ranges, value.tolist(), strict=True))
         like_it = kind(step=step, **given, **fields)
-        return like_it._rise(step.since(like_it.late))
+        # friction that curves within a bin has another mean than in its middle
+        ends = step.displacement + np.array([[-1.0], [1.0]]) * step.std
+        since = step.since(like_it.late, ends.ravel())
+        return np.asarray(like_it._rise(since).reshape(2, -1).mean(axis=0))
 
     def beside_a_line(value: Array) -> Array:
         up = above(value)
@@ -353,7 +360,7 @@ def fit_rate_and_state(
     span = checked_span(span)
     step = nearby(record, *step_near(record, at, before, after), span)
     try:
-        return best_law(how(step))
+        found = best_law(how(step))
     except UndecidedError as error:
         if step.at_error:  # the displacement shows both velocities
             raise
@@ -364,6 +371,11 @@ def fit_rate_and_state(
             f"{error}; with the velocities swapped it is: --from {step.after:g} --to "
             f"{step.before:g}"
         ) from None
+    if step.at_error:
+        return found
+    # once more, with bins that end at the time found
+    step = nearby(record, *step_near(record, float(found.at), before, after), span)
+    return best_law(how(step))
 
 
 def nearby(
@@ -394,7 +406,7 @@ def nearby(
 
 def fit_laws(
     step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool
-) -> dict[Law, StepFit | UndecidedError]:
+) -> LawFits:
     """Return the fit of each law to a step, or the error that explains why its
     parameters are not identified.
     """
@@ -403,7 +415,7 @@ def fit_laws(
     if stiffness is not None:
         hint = "friction per displacement"
         spring = number("stiffness", stiffness, above=0, hint=hint)
-    found: dict[Law, StepFit | UndecidedError] = {}
+    found: LawFits = {}
     for law in laws:
         try:
             found[law] = _fit_law(step, law, spring, trend=trend)
@@ -412,7 +424,7 @@ def fit_laws(
     return found
 
 
-def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
+def best_law(fits: LawFits) -> StepFit:
     """Return the fit with the smallest residuals; `UndecidedError` if there is none."""
     found = [one for one in fits.values() if isinstance(one, StepFit)]
     if found:
