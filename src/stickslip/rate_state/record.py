@@ -15,7 +15,6 @@ from scipy.signal import savgol_filter
 from stickslip.answers import Answer, plain
 from stickslip.arrays import Range
 from stickslip.errors import InputError, UndecidedError
-from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import SAME_SPEED, Array, independent
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record, checked_span
@@ -24,7 +23,7 @@ from stickslip.rate_state.laws import Law, laws_named
 from stickslip.rate_state.measured import LawFits, StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import SteadyPiece
 
-_OF_HALF_THE_WIDTH = 3  # widths before another one: each is 5/4 of the one before
+_WIDTHS = 4 * 2 ** np.arange(40) + 1  # of parabolas, in readings
 _FEWEST_HOLDS = 3  # fewest holds that give a slope: two always lie on a line
 
 
@@ -305,9 +304,9 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
     beside = float(np.ptp(friction[max(top - 1, 0) : top + 2]))
     highest = Estimate(float(friction[top]), max(noise, 0.5 * beside))
     vertices = [(float(time[top]), highest)]
-    size = 5
-    turns = bounded("widths of a parabola", HALVINGS)
-    while next(turns) and size <= friction.size:
+    for size in _WIDTHS:
+        if size > friction.size:
+            break
         smooth = savgol_filter(friction, size, 2)
         top = int(smooth.argmax())
         rest = (friction - smooth)[max(top - size // 2, 0) : top + size // 2 + 1]
@@ -318,9 +317,7 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
         # m points
         error = 1.5 * noise / math.sqrt(size)
         vertices.append((float(time[top]), Estimate(float(smooth[top]), error)))
-        size = 2 * (5 * size // 8) + 1
-    widest = len(vertices) - 1
-    return vertices[max(widest - _OF_HALF_THE_WIDTH, min(widest, 1))]
+    return vertices[-2] if len(vertices) > 2 else vertices[-1]
 
 
 def _healing(holds: Sequence[Hold]) -> Estimate | None:
