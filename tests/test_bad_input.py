@@ -266,6 +266,8 @@ REFUSED = (
     r"^Interface\.areas = 'site': .*such as Areas\(",
     lambda: contact_noise(RIG.replace(interface=interface(slip_to_slip_scatter=0.1))),
     "scatter = 0.1: not available with",
+    lambda: fitting.bench.read_known({"speed": "1 mm/s"}),
+    "known: 'speed': is called 'velocity' now",
     lambda: fitting.synthetic_trace(stiffness_ratio=0),
     "^stiffness_ratio = 0: must be .* at least 0.0001 and at most 1000",
     lambda: ss.rate_and_state(INTERFACE, law=np.array([1.0, 2.0])),

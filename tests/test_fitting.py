@@ -531,8 +531,3 @@ def test_a_fit_takes_the_options_of_a_reading(options, words, tmp_path, capsys):
     assert cli.main(["fit", str(file), "--step", "250 ms", *options]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
-
-
-def test_the_velocity_of_a_drive_has_one_name():
-    with pytest.raises(ss.InputError, match="known: 'speed': is called 'velocity' now"):
-        fitting.bench.read_known({"speed": "1 mm/s"})

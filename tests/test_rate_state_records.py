@@ -9,12 +9,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip.cli import main
 from stickslip.errors import InputError, UndecidedError
-from stickslip.rate_state import (
-    RateAndState,
-    fit_rate_and_state,
-    fit_record,
-    velocity_step_in,
-)
+from stickslip.rate_state import RateAndState, fit_rate_and_state, fit_record
 from stickslip.rate_state.experiments import Record
 
 ROCK = RateAndState(law="ageing", a=0.008, b=0.011, distance=12.0)
@@ -237,7 +232,7 @@ def test_the_command_prints_a_table_and_draws_it(tmp_path, capsys):
 
 def test_friction_that_curves_within_a_bin_biases_nothing():
     cut = {"at": 150.0, "span": (20.0, 240.0), "bins": 120}
-    step = velocity_step_in(steps_of(noise=2e-5), **cut)
+    step = ss.rate_state.velocity_step_in(steps_of(noise=2e-5), **cut)
     assert np.all(np.abs(pulls(fit_rate_and_state(step, law="ageing"))) < 4.0)
 
 

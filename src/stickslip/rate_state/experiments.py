@@ -82,11 +82,9 @@ class Step:
         x = self.displacement if displacement is None else displacement
         return np.where(x < 0, self.stretch, 1.0) * x - late
 
-    def level(self, late: float = 0.0) -> float:
-        """Return the friction before the step, if the step came a displacement `late`
-        after the given time.
-        """
-        before = self.friction[self.since(late) <= 0]
+    def level(self) -> float:
+        """Return the friction before the given time."""
+        before = self.friction[self.displacement <= 0]
         return float(np.median(before) if before.size else self.friction[0])
 
 

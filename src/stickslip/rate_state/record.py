@@ -23,7 +23,7 @@ from stickslip.rate_state.laws import Law, laws_named
 from stickslip.rate_state.measured import LawFits, StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import SteadyPiece
 
-_WIDTHS = 4 * 2 ** np.arange(40) + 1  # of parabolas, in readings
+_WIDTHS = [4 * 2**k + 1 for k in range(40)]  # of parabolas, in readings
 _FEWEST_HOLDS = 3  # fewest holds that give a slope: two always lie on a line
 
 
