@@ -16,7 +16,7 @@ import xarray as xr
 from refusals import refused
 
 import stickslip as ss
-from stickslip import rigid
+from stickslip import fitting, rigid
 from stickslip.cycles import cycle_branch, is_sustained
 from stickslip.errors import (
     LARGEST,
@@ -266,6 +266,12 @@ REFUSED = (
     r"^Interface\.areas = 'site': .*such as Areas\(",
     lambda: contact_noise(RIG.replace(interface=interface(slip_to_slip_scatter=0.1))),
     "scatter = 0.1: not available with",
+    lambda: fitting.bench.read_known({"speed": "1 mm/s"}),
+    "known: 'speed': is called 'velocity' now",
+    lambda: fitting.synthetic_trace(stiffness_ratio=0),
+    "^stiffness_ratio = 0: must be .* at least 0.0001 and at most 1000",
+    lambda: ss.rate_and_state(INTERFACE, law=np.array([1.0, 2.0])),
+    "law = array.*: must be 'best', 'ageing' or 'slip'",
     lambda: ss.rigid_slide(INTERFACE, -1),
     r"^slide: distance = -1: must be .* above 0 \(in x_s\)",
     lambda: ss.rigid_slide(INTERFACE, 1, method="fft"),

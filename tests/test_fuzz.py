@@ -7,10 +7,13 @@ examples, the slow one a thousand, always the same; `make fuzz` takes others.
 import inspect
 import json
 import os
+import re
 import time
 import tomllib
 from dataclasses import is_dataclass, replace
 from functools import cache
+from pathlib import Path
+from pydoc import locate
 
 import numpy as np
 import pytest
@@ -170,16 +173,10 @@ RIG = ss.Rig(
     method=ss.Contacts(50, seed=1),
 )
 RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
-STEPS = "finite_step", "fit_rate_and_state", "fit_record", "healing", "velocity_step_in"
-ROOMS = (
-    ss.stability.critical_spring,
-    ss.stability.friction_slope,
-    ss.stability.turning_velocities,
-    *(getattr(ss.rate_state, name) for name in STEPS),
-    ss.measure.fronts,
-)
-PUBLIC = [getattr(ss, name) for name in ss.__all__]
-PUBLIC += [getattr(ss.elastic, name) for name in ss.elastic.__all__]
+ROOMS = ["cycles", "elastic", "fitting", "measure", "rate-state", "stability", "theory"]
+REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
+PAGES = "".join((REFERENCE / f"{room}.md").read_text() for room in ROOMS)
+NAMES = set(re.findall(r"autofunction:: (\S+)", PAGES)) - {"stickslip.fitting.table"}
 
 
 def is_called(call):
@@ -188,8 +185,10 @@ def is_called(call):
     return inspect.isfunction(call) or is_record
 
 
-CALLS = {call.__name__: call for call in (*PUBLIC, *RECORDS, *ROOMS) if is_called(call)}
-"""Functions that users call, and the records they pass to them."""
+TOP = filter(is_called, (getattr(ss, name) for name in ss.__all__))
+CALLS = {name: locate(name) for name in NAMES}
+CALLS |= {call.__name__: call for call in (*TOP, *RECORDS)}
+"""Functions that users call, but for one of minutes, and the records they pass."""
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
 )

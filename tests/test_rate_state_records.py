@@ -228,3 +228,16 @@ def test_the_command_prints_a_table_and_draws_it(tmp_path, capsys):
     assert content == json.loads(json.dumps(found.to_dict()))
     assert [round(one["hold"]) for one in content["holds"]] == [3, 10, 30]
     assert content["steps"][-1]["distance_error"] > 0.0
+
+
+def test_friction_that_curves_within_a_bin_biases_nothing():
+    cut = {"at": 150.0, "span": (20.0, 240.0), "bins": 120}
+    step = ss.rate_state.velocity_step_in(steps_of(noise=2e-5), **cut)
+    assert np.all(np.abs(pulls(fit_rate_and_state(step, law="ageing"))) < 4.0)
+
+
+def test_the_law_is_the_likelier_one_of_steps_that_both_identify():
+    rock = RateAndState(law="slip", a=0.0042, b=0.001, distance=40.0)
+    how = {"rock": rock, "noise": 4e-5, "stiffness": 0.0074, "seed": 2}
+    found = fit_record(record_of((0, 240, 270), (2, 20, 200), 275, **how))
+    assert (found.law, len(found.steps), len(found.refused)) == ("slip", 1, 1)

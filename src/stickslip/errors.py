@@ -224,6 +224,21 @@ def numbers(
     return result
 
 
+def series(
+    place: str, time: object, value: object
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rising times and a value at each, as arrays; `place` names both."""
+    import numpy as np
+
+    t, values = (numbers(place, one) for one in (time, value))
+    if t.ndim != 1 or t.shape != values.shape or t.size < 2 or np.diff(t).min() <= 0:
+        raise InputError(
+            f"{place}: shapes {t.shape} and {values.shape}: must be equal, (n,), the "
+            "times rising"
+        )
+    return t, values
+
+
 def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
     """Return the items of a list, a tuple or an array; a text is refused."""
     if not isinstance(value, (str, bytes, Mapping)):
@@ -284,3 +299,10 @@ def instance(
     """
     if isinstance(value, type) or not isinstance(value, kind):
         raise refused(place, value, f"must be {hint}")
+
+
+def dataset(place: str, value: object, hint: str) -> None:
+    """Raise `InputError` unless `value` is a Dataset."""
+    import xarray as xr
+
+    instance(place, value, xr.Dataset, hint)

@@ -125,6 +125,8 @@ def critical_stiffness_estimate(interface: Interface) -> float:
     small, and is infinite if both are 0. For the paper's own parameters it gives 9.1,
     while Eqs. (1)-(4) and (8) give 2.99.
     """
+    name = "critical_stiffness_estimate: interface"
+    instance(name, interface, Interface, "an Interface")
     distribution = interface.threshold_distribution
     width = distribution.standard_deviation() + interface.initial.standard_deviation()
     return distribution.moment(1) / width if width > 0 else math.inf

@@ -337,6 +337,7 @@ def check(events: Events) -> tuple[str, ...]:
     """Raise `InputError` if a fit would mislead, with the number that decided; return
     notes for the reader.
     """
+    instance("check: events", events, Events, "the Events of pick_events()")
     for fault in _faults(events):
         raise InputError(f"fit: {fault}")
     notes = []

@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from stickslip.answers import Answer, plain
-from stickslip.errors import InputError, instance, whole
+from stickslip.errors import InputError, instance, sequence, whole
 from stickslip.fitting import bench
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, Sample, infer
@@ -439,6 +439,8 @@ def fit(
         else pick_events(trace, minimum_drop=minimum_drop, after=after)
     )
     given = bench.read_known(known)
+    speeds = sequence("speeds", speeds, "pairs of a speed and a force")
+    holds = sequence("holds", holds, "pairs of a time and a force")
     notes = list(check(events))
     if isinstance(trace, xr.Dataset) and "velocity" not in given:
         measured = bench.measured_velocity(trace, len(events))
@@ -486,10 +488,8 @@ def fit(
         notes=(),
         strengthening=bench.strengthening_of(holds) if holds else None,
     )
-    notes += _notes_on(found)
-    delays = (
-        bench.delays_of(found.values, found.draws("breaking_displacement"), speeds)
-        if speeds
-        else None
-    )
-    return replace(found, notes=tuple(notes), delays=delays)
+    found = replace(found, notes=(*notes, *_notes_on(found)))
+    if not speeds:
+        return found
+    displacement = found.draws("breaking_displacement")
+    return replace(found, delays=bench.delays_of(found.values, displacement, speeds))

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.arrays import Range, labelled
-from stickslip.errors import InputError, number, pair, refused, whole
+from stickslip.errors import InputError, instance, number, pair, refused, whole
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
@@ -194,10 +194,14 @@ def synthetic_trace(
         slip_to_slip_scatter,
     )
     values = np.array(
-        [number(key, value, at_least=0) for key, value in zip(KEYS, truth, strict=True)]
+        [
+            number(one.key, value, at_least=one.least, at_most=one.most)
+            for one, value in zip(UNKNOWNS, truth, strict=True)
+        ]
     )
     slips = whole("slips", slips, at_least=2, at_most=100_000)
-    rng = np.random.default_rng(seed)
+    instance("bench", bench, Bench, "a Bench(...)")
+    rng = np.random.default_rng(whole("seed", seed, at_least=0))
     peaks, troughs = simulate(values, slips, rng)
     if peaks.size < slips:
         raise InputError(

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.arrays import Range
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, instance, number
 from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
@@ -477,6 +477,7 @@ def rigs_drawn(rig: Rig) -> Iterator[Rig]:
     """Yield the equally likely rigs of a fit: the fitted rig with each draw of its
     file.
     """
+    instance("rig", rig, Rig, "the rig of a fit")
     columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
     # a changed rig has its own damping, and may have no damping ratio
     document = to_document(rig, damping_ratio="slider.damping_ratio" in columns or None)

@@ -23,10 +23,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import whole
+from stickslip.errors import instance, whole
 from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.model import FLOOR, KEYS, SLIPS, VERSION, Prior, simulate
-from stickslip.fitting.summary import statistics
+from stickslip.fitting.summary import unchecked_statistics
 from stickslip.io import files
 from stickslip.kernels.turning_points import Recording, observe, pick
 from stickslip.measure.trace import Array
@@ -65,6 +65,7 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
     """Return the folder of the table of a prior; its name is a hash of everything that
     decides the content of the table, except its length.
     """
+    instance("prior", prior, Prior, "a Prior(...)")
     cache = os.environ.get("STICKSLIP_CACHE")
     place = (
         Path(cache)
@@ -242,7 +243,7 @@ class Observation(NamedTuple):
                 for i in some
             )
             P, T = np.stack([self._detected(*each, rng) for each in series], axis=1)
-            return statistics(P, T), P.mean(axis=-1)
+            return unchecked_statistics(P, T), P.mean(axis=-1)
 
         statistics_of, sizes = zip(
             *_on_all_cores(sampled, range(0, len(table), _AT_A_TIME)), strict=True

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.errors import InputError, numbers
 from stickslip.measure.trace import Array
 
 _DEGREE = 3  # of the polynomial of the drift
@@ -124,6 +125,17 @@ def statistics(peaks: Array, troughs: Array) -> Array:
 
     Forces before and after each slip, along the last axis, may have any unit.
     """
+    peaks = numbers("peaks", peaks)
+    troughs = numbers("troughs", troughs)
+    if peaks.ndim == 0 or peaks.shape != troughs.shape:
+        raise InputError(
+            f"peaks, troughs: shapes {peaks.shape} and {troughs.shape}: must be equal"
+        )
+    return unchecked_statistics(peaks, troughs)
+
+
+def unchecked_statistics(peaks: Array, troughs: Array) -> Array:
+    """Return `statistics` of series that may be unknown; theirs are NaN."""
     high = peaks.mean(axis=-1, keepdims=True)
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
     P = detrended(peaks) / high

@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip import words
 from stickslip.arrays import labelled, units_of
-from stickslip.errors import number, printable
+from stickslip.errors import dataset, number, printable
 from stickslip.measure.features import Window
 from stickslip.measure.regimes import Regime, judged
 from stickslip.measure.slips import Slips, fast_slips, find_slips
@@ -214,6 +214,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
 
 def counted(catalogue: xr.Dataset) -> str:
     """Return the number of slips, cycles or drops in a table of drops, in words."""
+    dataset("catalogue", catalogue, "a table that drops() returns")
     name = str(catalogue.attrs.get("drops_are", "slips"))
     count = catalogue.sizes.get("event", 0)
     return f"{count} {name if count > 1 else name[:-1]}" if count else "no slips"
@@ -223,6 +224,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
     """Return the statistics of a table of drops as pairs of texts: the name of a
     column, and its mean and standard deviation.
     """
+    dataset("catalogue", catalogue, "a table that drops() returns")
     lines = []
     for name, column in catalogue.data_vars.items():
         mean = column.attrs.get("mean", math.nan)

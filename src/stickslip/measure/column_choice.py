@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip import words
-from stickslip.errors import InputError, printable, shown
+from stickslip.errors import InputError, instance, printable, shown
 from stickslip.io.headings import (
     Heading,
     ratio,
@@ -65,6 +65,7 @@ def columns(content: bytes) -> list[Column]:
     >>> columns(b"time [s],force [N]\n0.0,1.0\n0.1,2.0\n")[1]
     Column(key='force', heading='2: force (N)', preview='1 to 2, rises evenly')
     """
+    instance("columns: content", content, bytes, "the bytes of a file")
     table = read_table(content)
     numbers = table.read(table.numeric)
     names = [simple(heading.name) for heading in table.headings]

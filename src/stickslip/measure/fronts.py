@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from stickslip.arrays import labelled, units_of
-from stickslip.errors import InputError, instance
+from stickslip.errors import InputError, dataset, instance
 from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain, Rig
 from stickslip.words import engineering
@@ -447,6 +447,7 @@ def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
     """Return a variable along time and block; `InputError`, which begins with `who`, if
     the run does not hold it.
     """
+    dataset(who, run, "a run of simulate()")
     if not is_of_a_chain(run, name):
         remedy = (
             "give a run of a Chain, or one row of that of a Sheet: "

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from stickslip.errors import series
 from stickslip.measure.trace import (
     FEWEST_CYCLES,
     Array,
@@ -73,6 +74,7 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     cycle is then timed by itself, from one rise into the upper third of the range of
     the force in a typical cycle to the next.
     """
+    t, force = series("find_cycles: t, force", t, force)
     lag, correlation = _autocorrelation_peak(t, force)
     starts = np.zeros(1, dtype=int)
     if correlation:

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from stickslip.answers import COLOURS, with_micro
+from stickslip.errors import refused
 from stickslip.model.parameters import parameter_named
 from stickslip.plot.maps import EDGE, legend_below
 from stickslip.plot.palette import BLACK, DASHED, GREY, PAGE, VERMILLION
@@ -255,6 +256,8 @@ def waves(answer: Any) -> Figure:
     """Draw the result of `predict` for a `Chain` or a `Sheet`: the speeds at which each
     wave grows.
     """
+    if not hasattr(answer, "waves"):
+        raise refused("waves: answer", answer, "must be what predict() returns")
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)
     ax = figure.add_subplot()

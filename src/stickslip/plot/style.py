@@ -23,7 +23,7 @@ from PIL import Image
 
 from stickslip.arrays import Array as Array
 from stickslip.arrays import units_of
-from stickslip.errors import InputError, printable
+from stickslip.errors import InputError, dataset, printable
 from stickslip.io import files
 from stickslip.io.files import FileName
 from stickslip.measure.trace import check_numbers
@@ -226,6 +226,7 @@ def interval(ax: Axes, row: float, ends: Any, value: float, color: str) -> None:
 
 def variable(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a variable along time; `InputError` if the Dataset does not have it."""
+    dataset("plot", data, "a run, or a trace of read_trace()")
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")

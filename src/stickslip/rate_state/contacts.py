@@ -45,9 +45,11 @@ def small_step(
     """
     instance("small_step: interface", interface, Interface, "an Interface")
     v = number("small_step: velocity", velocity, above=0, hint="in x_s per time")
-    x = np.atleast_1d(numbers("small_step: slip", slip, above=0))[:, None]
-    y, kappa = _answer(hashable(interface), v, coarse)
-    factor = (kappa / (1.0 + kappa / stiffness)).imag / y
+    x = np.ravel(numbers("small_step: slip", slip, above=0))[:, None]
+    spring = number("small_step: stiffness", stiffness, above=0, infinite=True)
+    step = number("small_step: coarse", coarse, above=0)
+    y, kappa = _answer(hashable(interface), v, step)
+    factor = (kappa / (1.0 + kappa / spring)).imag / y
     # Below the first frequency the factor is dF/dln v.
     y = np.append(0.0, y)
     factor = np.append(factor[0], factor)

@@ -22,7 +22,7 @@ from stickslip.rate_state.contacts import (
     small_step,
 )
 from stickslip.rate_state.fitting import Estimate, LeastSquaresFit, least_squares
-from stickslip.rate_state.laws import LAWS, Law, RateAndState
+from stickslip.rate_state.laws import Law, RateAndState, laws_named
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
 from stickslip.words import engineering
@@ -225,7 +225,7 @@ def rate_and_state(
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     step = number("step", step, above=1, hint="ratio of the velocities")
-    laws = LAWS if law == "best" else (law,)
+    laws = laws_named(law)
     ageing = interface.ageing
     if respond(interface).inert:
         raise InputError(

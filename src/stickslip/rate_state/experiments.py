@@ -40,7 +40,8 @@ class Step:
     """
 
     displacement: Array  #: mean of each bin, rising
-    friction: Array
+    friction: Array  #: mean of each bin
+    std: Array | float = 0.0  #: standard deviation of the displacements in each bin
     before: float  #: velocity of the load point before the step
     after: float  #: velocity after the step
     #: time of the step, at which lines through the displacement cross, or a given time
@@ -81,11 +82,9 @@ class Step:
         x = self.displacement if displacement is None else displacement
         return np.where(x < 0, self.stretch, 1.0) * x - late
 
-    def level(self, late: float = 0.0) -> float:
-        """Return the friction before the step, if the step came a displacement `late`
-        after the given time.
-        """
-        before = self.friction[self.since(late) <= 0]
+    def level(self) -> float:
+        """Return the friction before the given time."""
+        before = self.friction[self.displacement <= 0]
         return float(np.median(before) if before.size else self.friction[0])
 
 
@@ -142,6 +141,8 @@ class Record(NamedTuple):
                 scale = ratio(clock, per) or 1.0
                 place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)
+            if "velocity" in along:  # steps come anywhere between two readings
+                pieces = [one._replace(begin_error=0.0) for one in pieces]
         units = (length, clock, unit.removeprefix("1"))
         return cls(
             time,
@@ -191,11 +192,13 @@ class Record(NamedTuple):
             )
         width = float(np.ptp(rows.x)) / min(bins, len(rows))
         # bins end at the step, so that none holds readings of both sides
-        held = rows.groupby(np.floor(rows.x / width)).mean()
+        bins_of = rows.groupby(np.floor(rows.x / width))
+        held = bins_of.mean()
         length, clock, unit = self.units
         return Step(
             displacement=held.x.values,
             friction=held.friction.values,
+            std=bins_of.x.std(ddof=0).values,
             before=speeds[0],
             after=speeds[1],
             at=at,

@@ -9,12 +9,20 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, UndecidedError, number, numbers
+from stickslip.errors import UndecidedError, number, numbers, refused, series
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
 Law = Literal["ageing", "slip"]
 LAWS: tuple[Law, ...] = ("ageing", "slip")
+
+
+def laws_named(law: object) -> tuple[Law, ...]:
+    """Return the law of a name, or all for ``"best"``."""
+    found = tuple(one for one in LAWS if isinstance(law, str) and law in ("best", one))
+    if not found:
+        raise refused("law", law, "must be 'best', 'ageing' or 'slip'")
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +56,8 @@ class RateAndState(Record):
         """
         if self.b <= self.a:
             return 0.0
-        softness = self.distance / (self.b - self.a) - 1.0 / contact_stiffness
+        spring = number("contact_stiffness", contact_stiffness, above=0, infinite=True)
+        softness = self.distance / (self.b - self.a) - 1.0 / spring
         return 1.0 / softness if softness > 0 else math.inf
 
     def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
@@ -84,18 +93,7 @@ class RateAndState(Record):
         """
         from stickslip.kernels import rate_state as kernel
 
-        t = numbers("time", time)
-        pull = numbers("velocity", velocity)
-        if (
-            t.ndim != 1
-            or t.shape != pull.shape
-            or t.size < 2
-            or np.any(np.diff(t) <= 0)
-        ):
-            raise InputError(
-                f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, "
-                "(n,), the times rising"
-            )
+        t, pull = series("time, velocity", time, velocity)
         start = number(
             "velocity[0]", float(pull[0]), above=0, hint="steady sliding at the start"
         )
@@ -134,7 +132,8 @@ class RateAndState(Record):
         """Return the change of the friction after a step of the velocity by a factor,
         over the displacement of the load point; 0 before the step.
         """
-        x = np.asarray(slip, dtype=float)
+        x = numbers("slip", slip)
+        ratio = number("ratio", ratio, above=0, hint="of the velocities")
         found = np.zeros_like(x)
         later, place = np.unique(x[x > 0], return_inverse=True)
         if later.size:  # with the velocity before the step as the unit of velocity
@@ -151,8 +150,8 @@ class RateAndState(Record):
         It is the inverse transform of ``k G/(q (k + q G))`` with
         ``G = a - b/(1 + q D)``.
         """
-        x = np.asarray(slip, dtype=float)
-        k = stiffness
+        x = numbers("slip", slip, at_least=0)
+        k = number("stiffness", stiffness, above=0, hint="friction per displacement")
         level = self.a - self.b
         damped = self.a * self.distance
         poles = np.roots([damped, k * self.distance + level, k]).astype(complex)

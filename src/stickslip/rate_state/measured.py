@@ -23,7 +23,7 @@ from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
 from stickslip.rate_state.experiments import Record, Step, checked_span, step_near
 from stickslip.rate_state.fitting import Estimate, least_squares
-from stickslip.rate_state.laws import LAWS, Law, RateAndState
+from stickslip.rate_state.laws import Law, RateAndState, laws_named
 from stickslip.rate_state.pieces import SteadyPiece
 from stickslip.sliding import kinetic_friction
 
@@ -148,6 +148,10 @@ class StepFit(FittedStep):
         )
 
 
+LawFits = dict[Law, StepFit | UndecidedError]
+"""The fit of each law to a step, or why its parameters are not identified."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactsFit(FittedStep):
     """Parameters of contacts with Bell activation and logarithmic ageing, fitted to a
@@ -231,7 +235,10 @@ def _fitted(
     def above(value: Array) -> Array:
         fields: dict[str, Any] = dict(zip(ranges, value.tolist(), strict=True))
         like_it = kind(step=step, **given, **fields)
-        return like_it._rise(step.since(like_it.late))
+        # friction that curves within a bin has another mean than in its middle
+        ends = step.displacement + np.array([[-1.0], [1.0]]) * step.std
+        since = step.since(like_it.late, ends.ravel())
+        return np.asarray(like_it._rise(since).reshape(2, -1).mean(axis=0))
 
     def beside_a_line(value: Array) -> Array:
         up = above(value)
@@ -342,34 +349,33 @@ def fit_rate_and_state(
     >>> fit.law, round(fit.distance, 1)
     ('slip', 5.0)
     """
-    spring = (
-        None
-        if stiffness is None
-        else number("stiffness", stiffness, above=0, hint="friction per displacement")
-    )
-    laws = LAWS if law == "best" else (law,)
+    how = partial(fit_laws, laws=laws_named(law), stiffness=stiffness, trend=trend)
     if isinstance(data, Step):
         given = {"at": at, "before": before, "after": after, "span": span}
         for name, value in given.items():
             if value is not None:
                 raise refused(name, value, "must be left out where data is a Step")
-        return best_law(fit_laws(data, laws, spring, trend=trend))
+        return best_law(how(data))
     record = Record.of(data)
     span = checked_span(span)
     step = nearby(record, *step_near(record, at, before, after), span)
     try:
-        return best_law(fit_laws(step, laws, spring, trend=trend))
+        found = best_law(how(step))
     except UndecidedError as error:
         if step.at_error:  # the displacement shows both velocities
             raise
         other = record.cut(*step_near(record, at, after, before), span)
-        swapped = fit_laws(other, laws, spring, trend=trend)
-        if not any(isinstance(one, StepFit) for one in swapped.values()):
+        if not any(isinstance(one, StepFit) for one in how(other).values()):
             raise
         raise UndecidedError(
             f"{error}; with the velocities swapped it is: --from {step.after:g} --to "
             f"{step.before:g}"
         ) from None
+    if step.at_error:
+        return found
+    # once more, with bins that end at the time found
+    step = nearby(record, *step_near(record, float(found.at), before, after), span)
+    return best_law(how(step))
 
 
 def nearby(
@@ -400,20 +406,25 @@ def nearby(
 
 def fit_laws(
     step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool
-) -> dict[Law, StepFit | UndecidedError]:
+) -> LawFits:
     """Return the fit of each law to a step, or the error that explains why its
     parameters are not identified.
     """
-    found: dict[Law, StepFit | UndecidedError] = {}
+    instance("trend", trend, bool, "True or False")
+    spring = None
+    if stiffness is not None:
+        hint = "friction per displacement"
+        spring = number("stiffness", stiffness, above=0, hint=hint)
+    found: LawFits = {}
     for law in laws:
         try:
-            found[law] = _fit_law(step, law, stiffness, trend=trend)
+            found[law] = _fit_law(step, law, spring, trend=trend)
         except UndecidedError as error:
             found[law] = error
     return found
 
 
-def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
+def best_law(fits: LawFits) -> StepFit:
     """Return the fit with the smallest residuals; `UndecidedError` if there is none."""
     found = [one for one in fits.values() if isinstance(one, StepFit)]
     if found:
@@ -572,6 +583,10 @@ def fit_contacts(
         If the data does not determine the parameters, as in `fit_rate_and_state`.
     """
     instance("fit_contacts: step", step, Step, "a Step of velocity_step_in()")
+    hint = "a distribution, such as Gamma(mean=1.0, std=0.75)"
+    instance("fit_contacts: thresholds", thresholds, Distribution, hint)
+    instance("trend", trend, bool, "True or False")
+    instance("linear", linear, bool, "True or False")
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(
             f"thresholds = {thresholds}: must have a mean of 1; the breaking "

@@ -14,16 +14,16 @@ from scipy.signal import savgol_filter
 
 from stickslip.answers import Answer, plain
 from stickslip.arrays import Range
-from stickslip.errors import InputError, UndecidedError, number
-from stickslip.loops import HALVINGS, bounded
+from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.trace import SAME_SPEED, Array, independent
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record, checked_span
 from stickslip.rate_state.fitting import Estimate
-from stickslip.rate_state.laws import LAWS, Law
-from stickslip.rate_state.measured import StepFit, fit_laws, nearby
+from stickslip.rate_state.laws import Law, laws_named
+from stickslip.rate_state.measured import LawFits, StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import SteadyPiece
 
+_WIDTHS = [4 * 2**k + 1 for k in range(40)]  # of parabolas, in readings
 _FEWEST_HOLDS = 3  # fewest holds that give a slope: two always lie on a line
 
 
@@ -44,8 +44,8 @@ class Hold:
 class RecordFit(Answer):
     """Velocity steps and holds of a record, in the units of the data.
 
-    One law is fitted to all steps: the one that most steps identify and, of two, the
-    likelier one.
+    One law is fitted to all steps: the likelier one for the steps that both laws
+    identify or, without such a step, the one that more steps identify.
     """
 
     record: Any  #: the `Record` that was fitted
@@ -187,7 +187,7 @@ def fit_record(
             "(displacement=, --displacement), or give the time of one step and both "
             "velocities (at=, before= and after=; --step-at, --from and --to)"
         )
-    spring = stiffness and number("stiffness", stiffness, above=0)
+    laws = laws_named(law)
     span = checked_span(span)
     pieces = record.pieces
     steps = record.steps()
@@ -203,8 +203,7 @@ def fit_record(
             f"{speeds}; give the time of a step and both velocities (at=, before= and "
             "after=; --step-at, --from and --to)"
         )
-    laws = LAWS if law == "best" else (law,)
-    fits = list[dict[Law, StepFit | UndecidedError]]()  # of each step
+    fits = list[LawFits]()  # of each step
     with reporting(progress, "fit_record") as report:
         for k, pair in enumerate(steps):
             report(k / len(steps))
@@ -213,8 +212,8 @@ def fit_record(
             except InputError as error:  # a piece is too short
                 fits.append(dict.fromkeys(laws, UndecidedError(str(error))))
             else:
-                fits.append(fit_laws(step, laws, spring, trend=trend))
-    best = min(laws, key=lambda law: _unlikely([each[law] for each in fits]))
+                fits.append(fit_laws(step, laws, stiffness, trend=trend))
+    best = min(laws, key=lambda law: _unlikely(law, fits))
     chosen = [each[best] for each in fits]
     identified = tuple(fit for fit in chosen if isinstance(fit, StepFit))
     return RecordFit(
@@ -236,13 +235,19 @@ def fit_record(
     )
 
 
-def _unlikely(fits: Sequence[StepFit | UndecidedError]) -> tuple[int, float]:
-    """Return the number of steps that are not identified with a law, and minus the
-    logarithm of its likelihood for the others.
+def _unlikely(law: Law, fits: Sequence[LawFits]) -> tuple[float, int]:
+    """Return minus the logarithm of the likelihood of a law, for the steps that all
+    laws identify, and the number of steps that it does not identify.
     """
-    found = [fit for fit in fits if isinstance(fit, StepFit)]
-    logs = (fit.step.friction.size * math.log(fit.rms) for fit in found)
-    return len(fits) - len(found), sum(logs)
+    surprise = 0.0
+    missing = 0
+    for each in fits:
+        fit = each[law]
+        if not isinstance(fit, StepFit):
+            missing += 1
+        elif all(isinstance(other, StepFit) for other in each.values()):
+            surprise += fit.step.friction.size * math.log(fit.rms)
+    return surprise, missing
 
 
 def _is_hold(before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece) -> bool:
@@ -276,21 +281,32 @@ def _level(record: Record, begin: float, end: float) -> Estimate:
     first, last = np.searchsorted(record.time, [begin, end]).tolist()
     part = record.friction[min(first, last - 1) : last]
     many = independent(part - part.mean())
-    return Estimate(float(part.mean()), float(part.std()) / math.sqrt(many))
+    # a few readings may be alike by chance
+    least = _noise(record.friction) / math.sqrt(part.size)
+    error = max(float(part.std()) / math.sqrt(many), least)
+    return Estimate(float(part.mean()), error)
+
+
+def _noise(friction: Array) -> float:
+    """Return the standard deviation of white noise, from second differences."""
+    return 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
 
 
 def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
-    """Return the time and the value of the largest friction: the vertex of the widest
-    parabola around it that fits within the noise.
+    """Return the time and the value of the largest friction: the vertex of a parabola
+    around it, half as wide as the widest that fits within the noise.
+
+    What a parabola misses is of third and fourth order in its width: at half the width,
+    its share in the vertex is small.
     """
-    noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
-    best = (
-        float(time[friction.argmax()]),
-        Estimate(float(friction.max()), noise),
-    )
-    size = 5
-    turns = bounded("widths of a parabola", HALVINGS)
-    while next(turns) and size <= friction.size:
+    noise = _noise(friction)
+    top = int(friction.argmax())
+    beside = float(np.ptp(friction[max(top - 1, 0) : top + 2]))
+    highest = Estimate(float(friction[top]), max(noise, 0.5 * beside))
+    vertices = [(float(time[top]), highest)]
+    for size in _WIDTHS:
+        if size > friction.size:
+            break
         smooth = savgol_filter(friction, size, 2)
         top = int(smooth.argmax())
         rest = (friction - smooth)[max(top - size // 2, 0) : top + size // 2 + 1]
@@ -300,12 +316,8 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
         # the error in the middle of a parabola is sqrt(9/(4 m)) times the noise of its
         # m points
         error = 1.5 * noise / math.sqrt(size)
-        best = (
-            float(time[top]),
-            Estimate(float(smooth[top]), error),
-        )
-        size = 2 * (5 * size // 8) + 1
-    return best
+        vertices.append((float(time[top]), Estimate(float(smooth[top]), error)))
+    return vertices[-2] if len(vertices) > 2 else vertices[-1]
 
 
 def _healing(holds: Sequence[Hold]) -> Estimate | None:

@@ -530,10 +530,10 @@ class Line(NamedTuple):
         # step at which a difference in logarithms has the least error
         d = 1e-6 if response.certain else 1e-4
         for _ in range(12):
-            f, after, before = self._total(x, y + np.array([0.0, d, -d])).tolist()
-            (right,), (left,) = (self._total(x + e, np.array([y])) for e in (d, -d))
-            fx = complex(right - left) / (2 * d)
-            fy = (after - before) / (2 * d)
+            f, beside = self._total(x, y + np.array([0.0, d])).tolist()
+            (ahead,) = self._total(x + d, np.array([y])).tolist()
+            fx = (ahead - f) / d
+            fy = (beside - f) / d
             det = (fx.conjugate() * fy).imag
             if det == 0 or not math.isfinite(det):
                 return None
