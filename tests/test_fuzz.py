@@ -20,10 +20,12 @@ from hypothesis import strategies as st
 from mechanisms import MECHANISMS, TENTH, interface_with
 
 import stickslip as ss
+from stickslip import surface, sweep
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError
 from stickslip.explorer import documents, simulate
 from stickslip.io import rig_files
 from stickslip.simulation import estimate
+from stickslip.structures import export, state_space
 from stickslip.sweep import NamedStudy, run_study, status_of
 
 OTHERS = "FUZZ_EXAMPLES" in os.environ
@@ -172,6 +174,10 @@ RIG = ss.Rig(
 RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
 STEPS = "finite_step", "fit_rate_and_state", "fit_record", "healing", "velocity_step_in"
 ROOMS = (
+    estimate,
+    export,
+    state_space,
+    sweep.plan.sweep,
     ss.stability.critical_spring,
     ss.stability.friction_slope,
     ss.stability.turning_velocities,
@@ -179,7 +185,11 @@ ROOMS = (
     ss.measure.fronts,
 )
 PUBLIC = [getattr(ss, name) for name in ss.__all__]
-PUBLIC += [getattr(ss.elastic, name) for name in ss.elastic.__all__]
+PUBLIC += [
+    getattr(room, name)
+    for room in (ss.elastic, surface, sweep)
+    for name in room.__all__
+]
 
 
 def is_called(call):
@@ -188,7 +198,11 @@ def is_called(call):
     return inspect.isfunction(call) or is_record
 
 
-CALLS = {call.__name__: call for call in (*PUBLIC, *RECORDS, *ROOMS) if is_called(call)}
+CALLS = {
+    f"{call.__module__}.{call.__name__}": call
+    for call in (*PUBLIC, *RECORDS, *ROOMS)
+    if is_called(call)
+}
 """Functions that users call, and the records they pass to them."""
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
@@ -210,6 +224,8 @@ USUAL = {
     "values": ((1.0, 2.0), (1.0, 2.0)),
     "edges": (0.5, 1.0),
     "holds": (1.0,),
+    "study": NamedStudy(run=len, name="lengths", version="1"),
+    "axes": {"velocity": [1.0]},
     "name": "brake_pad",
     **each("mean scale shape rate velocity before start push mass shear", 1.0),
     **each("stiffness distance after end duration high static_friction", 2.0),
@@ -328,7 +344,10 @@ SPLICES = st.lists(
     st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4
 )
 WHOLE = rig_files.to_document(RIG)
-CALL = "kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}
+CALL = (
+    "stickslip.sliding.law.kinetic_friction",
+    {"interface": INTERFACE, "velocity": 1.0},
+)
 PROPERTIES = {
     "rig files": (with_a_rig_file, rigs(), WHOLE),
     "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
@@ -345,7 +364,8 @@ PROPERTIES = {
     "examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("name", PROPERTIES)
-def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
+def test_an_answer_or_one_line(name, examples, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where a name is drawn, a file is made
     use, strategy, whole = PROPERTIES[name]
 
     @settings(
@@ -367,6 +387,15 @@ def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
     holds()
     out, err = capfd.readouterr()
     assert "Traceback" not in out + err
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_an_object_for_any_argument_is_refused(name):
+    parameters = inspect.signature(CALLS[name]).parameters.values()
+    needed = {p.name: USUAL.get(p.name, 0) for p in parameters if p.default is p.empty}
+    for odd in (p.name for p in parameters if p.kind is not p.VAR_KEYWORD):
+        with pytest.raises(ss.InputError):
+            CALLS[name](**needed | {odd: object()})
 
 
 def told(use, what, tmp_path):

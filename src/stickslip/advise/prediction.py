@@ -123,6 +123,8 @@ def predict(
     instance(
         "rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns"
     )
+    for name, given in (("fast", fast), ("thorough", thorough)):
+        instance(name, given, bool, "True or False")
     if smooth is not None:
         rig = replace(
             rig,

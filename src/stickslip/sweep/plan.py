@@ -205,6 +205,7 @@ def sweep(
     (('velocity', 'contacts'), 'm/s')
     """
     instance("sweep: rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("sweep: runs", runs, Runs, "a sweep.Runs(...)")
     plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     return plan.run(
         store=store, executor=executor, progress=progress, retry_failed=retry_failed
@@ -408,7 +409,7 @@ def _plan(
 
     # includes parameters registered by the user
     _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
-    most = whole("run.max_cases", runs.max_cases, at_least=1)
+    most = runs.max_cases
     values = {each: _axis(each, given, read, most) for each, given in axes.items()}
     _check(rig, values, refinement)
     distance = SHORTEST  # in natural units, as is the duration
@@ -419,17 +420,18 @@ def _plan(
         duration = read(runs.duration, "run.duration", "time") / rig.unit("time")
     study = Study(
         rig=replace(rig, name="", assumed={}, fitted={}, source=""),
-        cycles=number("run.cycles", runs.cycles, at_least=0),
-        extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
+        cycles=runs.cycles,
+        extensions=runs.extensions,
         distance=distance,
         duration=duration,
     )
-    measure = sequence("measure", runs.measure or USUAL, "a list of names")
+    wanted = USUAL if runs.measure is None else runs.measure
+    measure = sequence("measure", wanted, "a list of names")
     for one in measure:
-        wanted = one if isinstance(one, str) else shown(one)
-        if wanted not in MEASURES:
-            near = unknown(wanted, MEASURES)
-            raise InputError(f"measure: {wanted!r} is not measured in a sweep; {near}")
+        name_of = one if isinstance(one, str) else shown(one)
+        if name_of not in MEASURES:
+            near = unknown(name_of, MEASURES)
+            raise InputError(f"measure: {name_of!r} is not measured in a sweep; {near}")
     return Plan(
         name=name,
         study=study,
