@@ -155,7 +155,7 @@ class Work:
 def announce(name: str, seconds: float, what: str) -> None:
     """Log one line of work of more than a minute; by default on standard error."""
     if seconds > ANNOUNCED:
-        words = f"{name}: about {in_time(seconds)} on one core: {what}"
+        words = f"{name or 'run'}: about {in_time(seconds)} on one core: {what}"
         logging.getLogger("stickslip").warning(words)
 
 

@@ -82,6 +82,9 @@ class Runs(Record):
     measure: Sequence[str] | None = None
     #: cases beyond which the sweep is refused
     max_cases: Annotated[int, Number(at_least=1, place="run.max_cases")] = MAX_CASES
+    #: whether a case may take more than an hour, or 4 GB, by its estimate; else it
+    #: fails
+    long: bool = False
 
 
 class Threads(ThreadPoolExecutor):

@@ -119,7 +119,7 @@ class Plan:
             run=self.study,
             name="sweep of a rig",
             # all that a case of a rig depends on, besides the version of this package
-            version=json.dumps(datasets.encode(self.study)),
+            version=json.dumps(datasets.encode(replace(self.study, long=False))),
             seed=getattr(self.study.rig.method, "seed", 0),
             attributes=self.attributes(),
             categories={"regime": KINDS},
@@ -337,6 +337,7 @@ def _axis(
         return read(given, place, parameter.unit, sign=sign)
 
     if isinstance(given, Span):
+        value(given.low, f"{place}.from")
         return given
     if not isinstance(given, Mapping) or name == "start":
         listed = sequence(
@@ -422,6 +423,7 @@ def _plan(
         rig=replace(rig, name="", assumed={}, fitted={}, source=""),
         cycles=runs.cycles,
         extensions=runs.extensions,
+        long=runs.long,
         distance=distance,
         duration=duration,
     )
@@ -482,8 +484,9 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
                 "= 'contacts'"
             )
     spans = spans_of(axes, refinement)
-    if spans and (strange := {*axes} - {*spans, "start"}):
+    searched = {*spans} & {*BY_NAME}
+    if spans and (strange := {*axes} - {*searched, "start"}):
         raise InputError(
-            f"axes.{strange.pop()}: [refine] takes start alone beside the two "
-            "parameters"
+            f"axes.{strange.pop()}: [refine] takes start alone beside two parameters "
+            "of the rig"
         )
