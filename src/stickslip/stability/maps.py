@@ -81,7 +81,7 @@ def boundary(
         in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("progress", progress, Callable | None, "a function of the fraction done")
+    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
     parameters = _two_parameters(over)
     ranges = pair("between", between, "a range of each parameter")
     window = [
@@ -151,7 +151,7 @@ def stability_map(
         sliding.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("progress", progress, Callable | None, "a function of the fraction done")
+    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
     parameters = _two_parameters(over)
     given = zip(
         parameters,

@@ -96,7 +96,7 @@ def export(
 
 def _check(
     rig: Rig,
-    to: str,
+    to: Any,
     path: Any,
     speeds: Any,
     poles: Any,
