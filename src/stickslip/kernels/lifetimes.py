@@ -442,8 +442,6 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
     found = np.zeros((4, q.size), np.complex128)
     value = np.empty(NODES, np.complex128)
     turn = np.empty(NODES, np.complex128)
-    fed = np.empty(NODES, np.complex128)
-    stiff = bool(np.any(lifetimes.decay != 0.0))
     thermal = bool(np.any(lifetimes.push != 0.0))
     for m, here in enumerate(q):
         size = abs(here)
@@ -469,17 +467,8 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                 continue
             for j in range(NODES):
                 turn[j] = np.exp(-here * h * NODE[j])
-            if thermal and stiff:
+            if thermal:
                 value = _relaxed(lifetimes, k, here, start)
-                start = value[NODES - 1]
-            elif thermal:
-                for j in range(NODES):
-                    fed[j] = h * lifetimes.source[at + j] / turn[j]
-                for i in range(NODES):
-                    value[i] = start
-                    for j in range(NODES):
-                        value[i] += INTEGRAL[i, j] * fed[j]
-                    value[i] *= turn[i]
                 start = value[NODES - 1]
             for i in range(at, at + NODES):
                 x = lifetimes.x[i]
