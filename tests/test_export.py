@@ -38,19 +38,25 @@ def fastest_growth(rig, poles):
     return np.linalg.eigvals(whole).real.max()
 
 
-def test_a_fit_has_stable_poles_no_static_stiffness_and_its_error():
-    rig = ss.read_rig("brake_pad")
-    system = state_space(rig)
+HEAT = replace(BASE, activation=ss.Bell(width=0.115, attempts=5e5))
+# contacts whose times of life spread over decades, so that no fit is good
+WARM = FIG.replace(interface=HEAT)
+FITTED = (ss.read_rig("brake_pad"), 6, 1e-3), (WARM.replace(velocity=0.03), 10, 1.0)
+
+
+@pytest.mark.parametrize(("rig", "poles", "most"), FITTED)
+def test_a_fit_has_stable_poles_no_static_stiffness_and_its_error(rig, poles, most):
+    system = state_space(rig, poles=poles)
     assert np.all(np.linalg.eigvals(system.A).real < 0.0)
-    assert abs(system.stiffness(0.0)) < 1e-12 * system.D[0, 0]
-    s = 1j * np.linspace(0.01, 1.0, 50) * system.band[1]
+    assert abs(system.stiffness(0.0)) < 1e-10 * system.D[0, 0]
+    s = 1j * np.linspace(0.001, 1.0, 1000) * system.band[1]
     natural = rig.natural
     velocity = natural.velocity
     points = s * rig.unit("time")
     kappa = ss.stability.dynamic_stiffness(natural.interface, velocity, points)
     exact = rig.unit("stiffness") * kappa
     off = np.abs(system.stiffness(s) - exact).max() / np.abs(exact).max()
-    assert off <= 1.2 * system.error < 1e-3
+    assert off <= 1.2 * system.error < most
     kept = loadmat(io.BytesIO(system.mat()))
     listed = json.loads(json.dumps(system.to_dict()))
     for name in "ABCD":

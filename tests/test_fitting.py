@@ -525,6 +525,8 @@ def test_a_torque_is_no_force_to_fit():
         (("--after", "1.99 min"), r"2 samples of spring_force are too few"),
         (("--after", "5 mm"), r"--after: '5 mm'"),
         (("--minimum-drop", "5 s"), r"--minimum-drop: '5 s'"),
+        (("--smallest", "3"), r"--smallest: is called --minimum-drop now"),
+        (("--speed=3 mm/s",), r"--speed: is called --velocity now"),
         (("--velocity", "3 s"), r"known\.velocity = '3 s'"),
     ],
 )

@@ -23,10 +23,12 @@ from hypothesis import strategies as st
 from mechanisms import MECHANISMS, TENTH, interface_with
 
 import stickslip as ss
+from stickslip import surface, sweep
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError
 from stickslip.explorer import documents, simulate
 from stickslip.io import rig_files
 from stickslip.simulation import estimate
+from stickslip.structures import export, state_space
 from stickslip.sweep import NamedStudy, run_study, status_of
 
 OTHERS = "FUZZ_EXAMPLES" in os.environ
@@ -173,10 +175,14 @@ RIG = ss.Rig(
     method=ss.Contacts(50, seed=1),
 )
 RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
-ROOMS = ["cycles", "elastic", "fitting", "measure", "rate-state", "stability", "theory"]
+PAGES = "cycles elastic fitting measure rate-state stability surface sweeps theory"
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
-PAGES = "".join((REFERENCE / f"{room}.md").read_text() for room in ROOMS)
-NAMES = set(re.findall(r"autofunction:: (\S+)", PAGES)) - {"stickslip.fitting.table"}
+TEXTS = [(REFERENCE / f"{page}.md").read_text() for page in PAGES.split()]
+NAMES = {*re.findall(r"autofunction:: (\S+)", "".join(TEXTS))}
+NAMES -= {"stickslip.fitting.table"}  # takes minutes
+PUBLIC = {*map(locate, NAMES), *(getattr(ss, name) for name in ss.__all__)}
+PUBLIC |= {*RECORDS, estimate, export, state_space}
+PUBLIC |= {getattr(room, name) for room in (surface, sweep) for name in room.__all__}
 
 
 def is_called(call):
@@ -185,10 +191,10 @@ def is_called(call):
     return inspect.isfunction(call) or is_record
 
 
-TOP = filter(is_called, (getattr(ss, name) for name in ss.__all__))
-CALLS = {name: locate(name) for name in NAMES}
-CALLS |= {call.__name__: call for call in (*TOP, *RECORDS)}
-"""Functions that users call, but for one of minutes, and the records they pass."""
+CALLS = {
+    f"{call.__module__}.{call.__name__}": call for call in filter(is_called, PUBLIC)
+}
+"""Functions that users call, and the records they pass to them."""
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
 )
@@ -209,6 +215,8 @@ USUAL = {
     "values": ((1.0, 2.0), (1.0, 2.0)),
     "edges": (0.5, 1.0),
     "holds": (1.0,),
+    "study": NamedStudy(run=len, name="lengths", version="1"),
+    "axes": {"velocity": [1.0]},
     "name": "brake_pad",
     **each("mean scale shape rate velocity before start push mass shear", 1.0),
     **each("stiffness distance after end duration high static_friction", 2.0),
@@ -327,7 +335,10 @@ SPLICES = st.lists(
     st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4
 )
 WHOLE = rig_files.to_document(RIG)
-CALL = "kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}
+CALL = (
+    "stickslip.sliding.law.kinetic_friction",
+    {"interface": INTERFACE, "velocity": 1.0},
+)
 PROPERTIES = {
     "rig files": (with_a_rig_file, rigs(), WHOLE),
     "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
@@ -344,7 +355,8 @@ PROPERTIES = {
     "examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("name", PROPERTIES)
-def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
+def test_an_answer_or_one_line(name, examples, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where a name is drawn, a file is made
     use, strategy, whole = PROPERTIES[name]
 
     @settings(
@@ -366,6 +378,15 @@ def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
     holds()
     out, err = capfd.readouterr()
     assert "Traceback" not in out + err
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_an_object_for_any_argument_is_refused(name):
+    parameters = inspect.signature(CALLS[name]).parameters.values()
+    needed = {p.name: USUAL.get(p.name, 0) for p in parameters if p.default is p.empty}
+    for odd in (p.name for p in parameters if p.kind is not p.VAR_KEYWORD):
+        with pytest.raises(ss.InputError):
+            CALLS[name](**needed | {odd: object()})
 
 
 def told(use, what, tmp_path):

@@ -336,7 +336,7 @@ pulses: sustained oscillation | periodic=True, enough="by the drive or the track
 to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
 that falls slowly: undecided | enough="the drive stops and starts"
-    alone(60, 0.01, "np.cos(np.minimum(t % 6, 5) / 1.6) + 2 * np.maximum(t % 6, 5)", 0.01)
+    alone(60, 0.01, "np.cos((t % 6).clip(0, 5) / 1.6) + 2 * (t % 6).clip(5)", 0.01)
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 a start that rings: smooth sliding | enough="decays until"

@@ -243,6 +243,11 @@ def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
     edge = ss.sweep(bench, plane, refinement=search, runs=short)
     assert edge.sizes["run"] <= 16
     assert plan_of(edge).axes == plane
+    del plane["velocity"]
+    for name, low in (("velocity", -1), ("contacts", 1)):
+        axes = plane | {name: Span(low=low, high=9)}
+        with pytest.raises(InputError, match=f"^axes.{name}"):
+            ss.sweep(bench, axes, refinement=search)
 
 
 def test_a_run_lasts_as_long_as_the_file_asks():
@@ -260,6 +265,12 @@ def test_a_run_lasts_as_long_as_the_file_asks():
     assert from_document(short).study(seed=1, velocity=0.3)["regime"] == "undecided"
     longer = from_document(changed("run.extensions", 3, short)).study
     assert longer(seed=1, velocity=0.3)["travel"] > 0.5
+    # estimated at 10^12 years, but the contacts never move
+    creeping = changed("run.long", True, changed("axes", {"velocity": [1e-25]}, short))
+    refused = from_document(changed("run.long", False, creeping)).run()
+    assert "years; give at least" in refused["error"].item()
+    assert "allow it by long = true in [run]" in refused["error"].item()
+    assert from_document(creeping).run()["error"].item() == ""
 
 
 def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():

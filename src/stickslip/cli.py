@@ -345,6 +345,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     """Run a command, and report a failure in one line."""
     try:
+        _refuse_old_names(sys.argv[1:] if arguments is None else arguments)
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
@@ -363,6 +364,19 @@ def _run(arguments: Sequence[str] | None) -> int:
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0
+
+
+def _refuse_old_names(arguments: Sequence[str]) -> None:
+    """Raise `InputError` for the former name of an option, with its present name."""
+    renamed = _RENAMED.get(arguments[0], {}) if arguments else {}
+    for argument in arguments[1:]:
+        old = argument.partition("=")[0]
+        if old in renamed:
+            raise InputError(f"{old}: is called {renamed[old]} now, as in `measure`")
+
+
+_RENAMED = {"fit": {"--smallest": "--minimum-drop", "--speed": "--velocity"}}
+"""Former names of the options of a command, with their present names."""
 
 
 def _fail(message: str, code: int = 2) -> int:

@@ -129,6 +129,8 @@ def predict(
         Slider | Structure | ElasticBody,
         "a Slider, an elastic body or a linear structure, which can be simulated",
     )
+    for name, given in (("fast", fast), ("thorough", thorough)):
+        instance(name, given, bool, "True or False")
     if smooth is not None:
         rig = replace(
             rig,

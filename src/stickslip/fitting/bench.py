@@ -47,6 +47,8 @@ def read_known(given: Mapping[str, object] | None) -> Known:
     instance("known", known, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
     found = {}
     for name, value in known.items():
+        if name == "speed":
+            raise InputError("known: 'speed': is called 'velocity' now", "known")
         if name not in _UNITS:
             raise InputError(
                 f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known"

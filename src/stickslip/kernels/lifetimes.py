@@ -23,25 +23,27 @@ from .hazard import (
     longest_fold,
     steepest,
 )
-from .quadrature import dot, integrals, radau, solve
+from .quadrature import dot, integrals, powers, radau, solve
 from .records import Complexes, Floats, Mask
 
 NODES = 8
-# powers of e by which a breaking rate may grow in a panel: an error of 2e-9
-FOLDS = 1.75
+# powers of e by which a breaking rate may grow in a panel: an error of 1e-7 between
+# nodes
+FOLDS = 1.0
 QUIET = 20.0
 """The breaks that a contact expects, where panels begin to resolve the rate, are
 ``exp(-QUIET)``; so are the survivors where panels end: 2e-9.
 """
 
-UNBROKEN = np.exp(-QUIET)
-"""Fraction of contacts that break in a panel up to which none does."""
-# radians of a perturbation that a panel resolves where contacts break
+# powers of e by which the solution of a homogeneous equation may decay in a panel
+_DECAYS = 4.0
+# radians of a perturbation that a panel resolves
 _RESOLVED = 4.0 * (1.0 + 1e-9)
 
 NODE = radau(NODES)
 # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
 INTEGRAL = integrals(NODE)
+POWERS = powers(NODE)
 
 
 class Lifetimes(NamedTuple):
@@ -52,9 +54,10 @@ class Lifetimes(NamedTuple):
     there. Per node, shape (8 p,): the stretching `x`, the quadrature `weight`, the
     `survival` and its slope in ln v; `decay` and `source` of
     ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of
-    ``exp(-q x)`` (`drop`) in the breaks that the perturbation causes. The last three
-    are per threshold, of contacts that reach it: stretching, weight, and slope of that
-    place in ln v.
+    ``exp(-q x)`` (`drop`) in the breaks that the perturbation causes, and how many
+    contacts break per length as they `meet` their thresholds, where these are averaged
+    over. Else the last three are per threshold, of contacts that reach it: stretching,
+    weight, and slope of that place in ln v.
     """
 
     width: Floats
@@ -67,6 +70,7 @@ class Lifetimes(NamedTuple):
     source: Floats
     push: Floats
     drop: Floats
+    meet: Floats
     cap_x: Floats
     cap_weight: Floats
     cap_slope: Floats
@@ -144,7 +148,7 @@ def _panel(
     quiet = -(np.log(hazard.attempts * end / v) + QUIET)
     h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
     lifetime = v / hazard.attempts * np.exp(-min(exponent, 0.0))
-    return float(min(h, (3.0 + 0.3 * broken) * lifetime))
+    return float(min(h, (1.5 + 0.15 * broken) * lifetime))
 
 
 @inlined
@@ -216,13 +220,9 @@ def march(
     strengths: Floats,
     weights: Floats,
     v: float,
-    longest: float,
 ) -> Lifetimes:
     """Compute the lives of contacts one threshold after the other, for barriers that no
     single variable describes.
-
-    No panel in which a contact breaks is longer than `longest`, set by the frequencies
-    that matter.
     """
     room = 1024
     panels = 0
@@ -248,10 +248,6 @@ def march(
         while here < end and broken < QUIET:
             h = _panel(hazard, growth, xi, v, here, end, broken)
             h = _up_to_the_end(h, here, end)
-            if h > longest:
-                _fill_rates(hazard, growth, xi, v, here, h, x, rate, along, older)
-                if h * np.max(rate) > UNBROKEN:
-                    h = _up_to_the_end(longest, here, end)
             if panels == room:
                 room *= 2
                 width = np.append(width, np.empty(panels))
@@ -291,6 +287,7 @@ def march(
         table[4],
         table[2],
         table[5],
+        zero,
         cap[0],
         cap[1],
         cap[2],
@@ -347,32 +344,89 @@ def _with_caps(
     return breaks, yields
 
 
-@inlined
-def _holds(lifetimes: Lifetimes, at: int) -> bool:
-    """Whether next to no contact breaks in the panel of a node."""
-    held = lifetimes.survival[at]
-    lost = held - lifetimes.survival[at + NODES - 1]
-    return bool(lost <= 2 * UNBROKEN * held)
+@jit
+def _relaxed(lifetimes: Lifetimes, k: int, q: complex, start: complex) -> Complexes:
+    """Solve ``U' = source - (q + decay) U`` in a panel, by collocation."""
+    h = lifetimes.width[k]
+    at = k * NODES
+    matrix = np.empty((NODES, NODES), np.complex128)
+    value = np.full(NODES, start)
+    for i in range(NODES):
+        for j in range(NODES):
+            length = h * INTEGRAL[i, j]
+            matrix[i, j] = length * (lifetimes.decay[at + j] + q)
+            value[i] += length * lifetimes.source[at + j]
+        matrix[i, i] += 1.0
+    solve(matrix, value)
+    return value
 
 
 @jit
-def _unbroken(
-    lifetimes: Lifetimes, k: int, q: complex, start: complex, left: complex
+def _oscillating(
+    lifetimes: Lifetimes,
+    k: int,
+    q: complex,
+    start: complex,
+    left: complex,
+    fades: bool,
 ) -> Complexes:
-    """What a panel adds in which no contact breaks: all but ``exp(-q x)`` is
-    constant.
+    """What a panel adds over which ``exp(-q x)`` turns several times: all else is a
+    polynomial, and the integrals of its powers times ``exp(-q x)`` are known.
+
+    Returns the four transforms, then `U` and ``exp(-q x)`` at the end of the panel. If
+    it `fades`, as contacts break over many of its turns, ``exp(-q x)`` counts at the
+    start of the panel alone.
     """
     h = lifetimes.width[k]
+    z = q * h
     at = k * NODES
-    held = lifetimes.survival[at]
-    turned = np.exp(-q * h)
-    whole = (1.0 - turned) / q
-    moment = (1.0 - turned * (1.0 + q * h)) / q**2
-    moment += (lifetimes.x[at] - h * NODE[0]) * whole
-    rest = lifetimes.push[at] * start - lifetimes.drop[at] * left
-    return np.array(
-        [held * (h - left * whole), held * left * moment, rest * whole, rest * moment]
-    )
+    turned = 0.0j if fades else np.exp(-z)
+    power = np.zeros(NODES + 1, np.complex128)  # integrals of the powers
+    for n in range(NODES):
+        power[n] = (n * power[n - 1] - turned) / z if n else (1.0 - turned) / z
+    less = np.empty(NODES)  # exp of the integral of the decay
+    smooth = np.zeros(NODES + 1, np.complex128)  # coefficients of U without exp(-q x)
+    weight = np.zeros(NODES, np.complex128)
+    for j in range(NODES):
+        decayed = 0.0
+        for i in range(NODES):
+            decayed += h * INTEGRAL[j, i] * lifetimes.decay[at + i]
+        less[j] = np.exp(-decayed)
+    for n in range(NODES - 1, -1, -1):
+        fed = 0.0j
+        for j in range(NODES):
+            fed += h * POWERS[n, j] * lifetimes.source[at + j] / less[j]
+            weight[j] += h * POWERS[n, j] * power[n]
+        smooth[n] = (fed - (n + 1) * smooth[n + 1]) / z
+    turning = 0.0j if left == 0.0 else start - smooth[0]
+    is_slaved = abs(np.log(less[NODES - 1])) > _DECAYS
+    slaved = smooth[:NODES]
+    if is_slaved:  # U follows its source, so that nothing turns
+        turning = 0.0j
+        slaved = _relaxed(lifetimes, k, q, start)
+    found = np.zeros(6, np.complex128)
+    for j in range(NODES):
+        i = at + j
+        x = lifetimes.x[i]
+        value = 0.0j
+        for n in range(NODES - 1, -1, -1):
+            value = value * NODE[j] + smooth[n]
+        value *= less[j]
+        if is_slaved:
+            value = slaved[j]
+        more = lifetimes.weight[i] * lifetimes.push[i] * value
+        more += weight[j] * turning * less[j] * lifetimes.push[i]
+        more -= weight[j] * left * lifetimes.drop[i]
+        more += (lifetimes.weight[i] - left * weight[j]) * lifetimes.meet[i]
+        rest = left * weight[j] * lifetimes.survival[i]
+        found[0] += lifetimes.weight[i] * lifetimes.survival[i] - rest
+        found[1] += rest * x
+        found[2] += more
+        found[3] += more * x
+        found[4] = value
+    found[4] += less[NODES - 1] * turning * turned
+    found[5] = left * turned
+    return found
 
 
 @jit
@@ -382,14 +436,12 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
 
     They are what the survival loses under ``exp(-q x)``, the first moment of the rest,
     the breaks that the perturbation causes, and the stretching of these breaks. With
-    `fast`, ``exp(-q x)`` vanishes except at ``x = 0``.
+    `fast`, contacts break over many turns of ``exp(-q x)``, which then counts at
+    ``x = 0`` alone.
     """
     found = np.zeros((4, q.size), np.complex128)
-    matrix = np.empty((NODES, NODES), np.complex128)
     value = np.empty(NODES, np.complex128)
     turn = np.empty(NODES, np.complex128)
-    fed = np.empty(NODES, np.complex128)
-    stiff = bool(np.any(lifetimes.decay != 0.0))
     thermal = bool(np.any(lifetimes.push != 0.0))
     for m, here in enumerate(q):
         size = abs(here)
@@ -405,59 +457,36 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
             if lifetimes.fresh[k]:
                 start = 0.0j
                 left = 1.0 + 0.0j
-            if size * h > _RESOLVED and not (stiff or fast) and _holds(lifetimes, at):
-                found[:, m] += _unbroken(lifetimes, k, here, start, left)
-                start *= np.exp(-here * h)
-                left *= np.exp(-here * h)
+            if size * h > _RESOLVED:
+                # the turns at its end are left out with an error of a panel's order
+                fades = fast and size * h > 2.0 * _RESOLVED
+                more = _oscillating(lifetimes, k, here, start, left, fades)
+                found[:, m] += more[:4]
+                start = more[4]
+                left = more[5]
                 continue
-            if not fast:
-                for j in range(NODES):
-                    turn[j] = np.exp(-here * h * NODE[j])
-            if thermal and (stiff or fast):
-                for i in range(NODES):
-                    value[i] = start
-                    for j in range(NODES):
-                        matrix[i, j] = (
-                            h * INTEGRAL[i, j] * (lifetimes.decay[at + j] + here)
-                        )
-                        value[i] += h * INTEGRAL[i, j] * lifetimes.source[at + j]
-                    matrix[i, i] += 1.0
-                solve(matrix, value)
-                start = value[NODES - 1]
-            elif thermal:
-                for j in range(NODES):
-                    fed[j] = h * lifetimes.source[at + j] / turn[j]
-                for i in range(NODES):
-                    value[i] = start
-                    for j in range(NODES):
-                        value[i] += INTEGRAL[i, j] * fed[j]
-                    value[i] *= turn[i]
+            for j in range(NODES):
+                turn[j] = np.exp(-here * h * NODE[j])
+            if thermal:
+                value = _relaxed(lifetimes, k, here, start)
                 start = value[NODES - 1]
             for i in range(at, at + NODES):
                 x = lifetimes.x[i]
                 weight = lifetimes.weight[i]
-                gone = 1.0 + 0.0j
-                if not fast:
-                    # 1 - exp(-q x), with the exponential multiplied up over the panels
-                    gone = (
-                        _gone(here * x)
-                        if size * x < 1e-3
-                        else 1.0 - left * turn[i - at]
-                    )
+                # 1 - exp(-q x), with the exponential multiplied up over the panels
+                gone = 1.0 - left * turn[i - at]
+                if size * x < 1e-3:
+                    gone = _gone(here * x)
                 lost += weight * lifetimes.survival[i] * gone
                 work += weight * lifetimes.survival[i] * x * (1.0 - gone)
+                caused = lifetimes.meet[i] * gone
                 if thermal:
-                    more = weight * (
-                        lifetimes.push[i] * value[i - at]
-                        - lifetimes.drop[i] * (1.0 - gone)
-                    )
-                    breaks += more
-                    yields += x * more
+                    caused += lifetimes.push[i] * value[i - at]
+                    caused -= lifetimes.drop[i] * (1.0 - gone)
+                breaks += weight * caused
+                yields += weight * x * caused
             left *= turn[NODES - 1]
         breaks, yields = _with_caps(lifetimes, here, fast, breaks, yields)
-        if fast:
-            lost -= 1.0 / here
-            work = 1.0 / here**2
         found[0, m] += lost
         found[1, m] += work
         found[2, m] += breaks

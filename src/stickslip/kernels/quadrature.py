@@ -19,19 +19,19 @@ P = 5  # nodes of a step after its start; the order of the scheme is ``P + 1``
 Q = 4
 
 
-def _powers(nodes: Floats) -> Floats:
+def powers(nodes: Floats) -> Floats:
     """Coefficients of the polynomials that are 1 at one node and 0 at all others."""
     return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)))
 
 
 def _values(nodes: Floats, points: Floats) -> Floats:
-    return np.asarray(np.vander(points, nodes.size, increasing=True) @ _powers(nodes))
+    return np.asarray(np.vander(points, nodes.size, increasing=True) @ powers(nodes))
 
 
 def _slopes(nodes: Floats, points: Floats) -> Floats:
     power = np.arange(nodes.size)
     return np.asarray(
-        (power * points[:, None] ** np.maximum(power - 1, 0)) @ _powers(nodes)
+        (power * points[:, None] ** np.maximum(power - 1, 0)) @ powers(nodes)
     )
 
 
@@ -40,7 +40,7 @@ def integrals(nodes: Floats) -> Floats:
     all others.
     """
     power = np.arange(1, nodes.size + 1)
-    return np.ascontiguousarray((nodes[:, None] ** power / power) @ _powers(nodes))
+    return np.ascontiguousarray((nodes[:, None] ** power / power) @ powers(nodes))
 
 
 def radau(count: int) -> Floats:
@@ -80,12 +80,12 @@ COLLOCATION = integrals(NODE[1:])
 Radau IIA.
 """
 INTEGRAL = integrals(NODE)  # the same from the values at the start and the nodes
-MONOMIAL = _powers(NODE)  # coefficients of the polynomial through start and nodes
+MONOMIAL = powers(NODE)  # coefficients of the polynomial through start and nodes
 SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))  # slopes at start and nodes
 GAUSS, WEIGHT = gauss(Q)
 """Gauss nodes and weights, shape (Q,)."""
 # coefficients of the polynomial through the Gauss nodes
-GAUSS_MONOMIAL = _powers(GAUSS)
+GAUSS_MONOMIAL = powers(GAUSS)
 PART = np.stack([_values(NODE, u * GAUSS) for u in NODE[1:]])
 """Values at the Gauss nodes between the start and each node, shape (P, Q, P + 1)."""
 INCREASE = np.stack(

@@ -62,13 +62,11 @@ def _parameter_of_part(
             where = "Rig" if part == "slider" else "Interface"
             fields = _FIELDS[part].items()
             others = [other for other, of in fields if hasattr(found, of)]
-            remedy = f"give the rig a {part} first"
+            remedy = "give one that has"
             if others:
                 remedy = f"choose {', '.join(others)} or a Parameter of your own"
-            raise InputError(
-                f"{where}.{part}: {type(found).__name__} has no {name} to vary; "
-                f"{remedy}"
-            )
+            kind = "None" if found is None else type(found).__name__
+            raise InputError(f"{where}.{part}: {kind} has no {name} to vary; {remedy}")
         return found
 
     def set_(rig: Rig, new: float) -> Rig:

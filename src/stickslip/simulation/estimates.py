@@ -155,7 +155,7 @@ class Work:
 def announce(name: str, seconds: float, what: str) -> None:
     """Log one line of work of more than a minute; by default on standard error."""
     if seconds > ANNOUNCED:
-        words = f"{name}: about {in_time(seconds)} on one core: {what}"
+        words = f"{name or 'run'}: about {in_time(seconds)} on one core: {what}"
         logging.getLogger("stickslip").warning(words)
 
 
@@ -166,14 +166,13 @@ class Course(NamedTuple):
     `distance` is the travel of the drive and `shaken` the travel of a slider that rings
     from a perturbation, in mean thresholds. `turns` is the phase of the slider's
     oscillation in the whole run, in radians; in `rung` of them it rings where it
-    sticks, in `loud` of them as far as without damping.
+    sticks.
     """
 
     distance: float
     shaken: float = 0.0
     turns: float = 0.0
     rung: float = 0.0
-    loud: float = 0.0
 
 
 def course_of(rig: Rig) -> Course:
@@ -199,8 +198,7 @@ def course_of(rig: Rig) -> Course:
     # so does a jump of the drive's velocity
     jumps = sum(a.end != b.start for a, b in pairwise(pieces))
     slips = 1.0 + jumps + distance * min(stiffness, 1.0)
-    loud = min(turns, rings * slips)
-    return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips), loud)
+    return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 
 def travel_of(piece: Piece) -> float:

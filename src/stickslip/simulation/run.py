@@ -270,6 +270,7 @@ def _gone_on(
 
 def estimate(rig: Rig) -> Work:
     """Return the work of a run of a rig; `InputError` if no solver supports it."""
+    instance("estimate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     engine = engine_of(rig.interface, rig.method, rig.slider)
     _check_drive(rig, engine)
     costed = _with_velocities(rig)

@@ -79,7 +79,6 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
         stiffness,
         np.ones_like(node),
         velocity or 1.0,
-        math.inf,
     )
     whose = np.repeat(np.cumsum(lifetimes.fresh) - 1, kernel.NODES)
 
@@ -153,10 +152,11 @@ class ActivatedResponse(TabulatedResponse):
         found = np.empty((4, q.size), dtype=complex)
         for one in np.unique(octave):
             here = octave == one
-            fast = math.isinf(one)
-            lifetimes = lifetimes_of(
-                self.interface, velocity, 0.0 if fast else 2.0**one
-            )
+            is_fast = math.isinf(one)
+            highest = 0.0 if is_fast else 2.0**one
+            lifetimes = lifetimes_of(self.interface, velocity, highest)
+            # a sum over thresholds does not resolve the fast waves that they cancel
+            fast = is_fast and lifetimes.cap_x.size > 1
             found[:, here] = kernel.perturbed(lifetimes, q[here], fast)
         return found
 

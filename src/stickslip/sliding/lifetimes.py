@@ -9,8 +9,7 @@ a small perturbation. The lives are computed once for an interface and a speed;
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from stickslip.kernels.hazard import (
     stretching_with,
     taken_off,
 )
-from stickslip.kernels.lifetimes import INTEGRAL, NODE, NODES, Lifetimes, relax, rule
+from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
 from stickslip.loops import bounded
 from stickslip.model import (
     AgeingModel,
@@ -62,11 +61,9 @@ def lifetimes_of(
         hashable,
         (interface.threshold_distribution, interface.activation, interface.ageing),
     )
-    lifetimes = partial(_lifetimes, *contacts, float(velocity))
     # Panel widths are powers of 2, so that few different sets are computed and cached.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
-    whole = lifetimes(1.0)
-    return whole if whole.width.max(initial=0.0) <= longest else lifetimes(longest)
+    return _lifetimes(*contacts, float(velocity), longest)
 
 
 @lru_cache(maxsize=128)
@@ -84,12 +81,12 @@ def _lifetimes(
     # stretching over which the rate grows by a factor e
     width = hazard.width / float(taken_off(hazard, np.array(distribution.moment(1)))[0])
     one_variable = activation is None or (
-        is_separable(hazard, growth) and distribution.standard_deviation() > 2.0 * width
+        is_separable(hazard, growth)
+        and distribution.standard_deviation() > 2.0 * width
+        and not inner
     )
-    if one_variable and not inner and not distribution.single:
-        return _cut_panels(_in_one(distribution, hazard, ageing, velocity), longest)
-    if high > 1e3 * distribution.moment(1) and activation is not None:
-        longest = math.inf if longest == 1.0 else longest
+    if one_variable and not distribution.single:
+        return _in_one(distribution, hazard, ageing, velocity)
     bends = []
     if isinstance(activation, Bell):
         bend = activation.width * math.log1p(
@@ -112,52 +109,11 @@ def _lifetimes(
         growth,
         *threshold_nodes(distribution, 0.01, bends, longest_panel),
         velocity,
-        longest,
     )
 
 
 # fraction of contacts that need not be resolved: below the errors of the table of lives
 _UNLIKELY = 1e-4
-
-
-def _cut_panels(one: Lifetimes, longest: float) -> Lifetimes:
-    """Lives of all contacts together on shorter panels, by interpolation through the
-    nodes of each panel.
-    """
-    count = np.maximum(np.ceil(one.width / longest), 1.0).astype(int)
-    panel = np.repeat(np.arange(count.size), count)
-    part = np.arange(panel.size) - (np.cumsum(count) - count)[panel]
-    place = (part[:, None] + NODE) / count[panel, None]
-    basis = np.vander(place.ravel(), NODES) @ np.linalg.inv(np.vander(NODE, NODES))
-    basis = basis.reshape(*place.shape, NODES)
-
-    def between(values: Array) -> Array:
-        return np.asarray(
-            np.einsum("pij,pj->pi", basis, values.reshape(-1, NODES)[panel])
-        ).ravel()
-
-    width = (one.width / count)[panel]
-    weight = (width[:, None] * INTEGRAL[-1]).ravel()
-    named = (
-        "x",
-        "survival",
-        "slope",
-        "decay",
-        "source",
-        "push",
-        "drop",
-        "cap_x",
-        "cap_slope",
-    )
-    found: dict[str, Any] = {name: between(getattr(one, name)) for name in named}
-    cap = weight * between(one.cap_weight / one.weight)
-    return Lifetimes(
-        width=width,
-        fresh=one.fresh[panel] & (part == 0),
-        weight=weight,
-        cap_weight=cap,
-        **found,
-    )
 
 
 def threshold_nodes(
@@ -291,7 +247,6 @@ def _in_one(
             np.empty(0),
             np.empty(0),
             v,
-            math.inf,
         )
     edges = _edges_in_one(distribution, hazard, growth, v)
     # With panels half as wide as the integrals need, polynomials also interpolate
@@ -329,7 +284,8 @@ def _in_one(
         source = np.ones_like(x)
         slope = push = drop = decay = zero
     slope = slope - np.where(strength > 0, density * later, 0.0)
-    cap = weight * density * np.where(strength > 0, steeper, 0.0)
+    meet = density * np.where(strength > 0, steeper, 0.0)
+    none = np.empty(0)
     fresh = np.arange(width.size) == 0
     return kernel.Lifetimes(
         width,
@@ -342,9 +298,10 @@ def _in_one(
         source,
         push,
         drop,
-        x,
-        cap,
-        zero,
+        meet,
+        none,
+        none,
+        none,
     )
 
 
@@ -368,7 +325,7 @@ def _edges_in_one(
             distribution,
             weakest,
             high,
-            [(weakest, shortest)],
+            [(weakest, shortest), *((knot, 0.05) for knot in distribution.knots)],
         ).tolist()
         met = {0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}
         # a table is smooth between its nodes only

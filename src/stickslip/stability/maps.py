@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import is_dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -80,6 +81,7 @@ def boundary(
         in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
     parameters = _two_parameters(over)
     ranges = pair("between", between, "a range of each parameter")
     window = [
@@ -149,6 +151,7 @@ def stability_map(
         sliding.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
     parameters = _two_parameters(over)
     given = zip(
         parameters,

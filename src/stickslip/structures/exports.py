@@ -96,7 +96,7 @@ def export(
 
 def _check(
     rig: Rig,
-    to: str,
+    to: Any,
     path: Any,
     speeds: Any,
     poles: Any,
@@ -104,7 +104,7 @@ def _check(
     """Raise `InputError`, before any work, for a rig or options that cannot be
     exported.
     """
-    if to not in get_args(Target):
+    if not (isinstance(to, str) and to in get_args(Target)):
         raise refused("to", to, f"must be one of {', '.join(get_args(Target))}")
     if rig.scales is None and to != "statespace":
         raise InputError(

@@ -7,12 +7,13 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from stickslip import __version__
-from stickslip.errors import InputError, instance, whole
+from stickslip.errors import InputError, instance
+from stickslip.model.records import Number, Record
 
 AxisValue = float | int | bool | str
 
@@ -57,7 +58,7 @@ def check_name(place: str, name: object) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NamedStudy:
+class NamedStudy(Record):
     """A function that a sweep runs, with the name and the version of its results.
 
     Finished cases are identified by this name and version alone, as the function's
@@ -72,7 +73,7 @@ class NamedStudy:
     name: str
     #: Change it whenever the results change.
     version: str
-    seed: int = 0  #: seed of the study, at least 0
+    seed: Annotated[int, Number(at_least=0)] = 0  #: seed of the study, at least 0
     #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
     attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     #: Possible values of a measured text: it is stored as an integer with CF flags, -1
@@ -84,11 +85,11 @@ class NamedStudy:
     package: str = __version__
 
     def __post_init__(self) -> None:
-        whole("NamedStudy.seed", self.seed, at_least=0)
+        super().__post_init__()
+        instance("NamedStudy.run", self.run, Callable, "a function of the axes")  # type: ignore[arg-type]
         for name, example in (("name", "beam of two parts"), ("version", "1")):
             place = f"NamedStudy.{name}"
             text = getattr(self, name)
-            instance(place, text, str, f"a text, such as {example!r}")
             if not text.strip():
                 raise InputError(
                     f"{place} = {text!r}: finished cases are kept by the name and the "

@@ -5,11 +5,10 @@ labelled Dataset.
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import __version__
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError, instance, shown, whole
 from stickslip.io.files import FileName
 from stickslip.sweep._cases import (
     ERROR,
@@ -103,6 +102,10 @@ def run_study(
     """
     instance("study", study, NamedStudy, "a NamedStudy(run=..., name=..., version=...)")
     instance("axes", axes, Mapping, "a mapping of names to values")
+    instance("refinement", refinement, Refinement | None, "a Refinement(...)")
+    instance("progress", progress, Callable | None, "a function of a Progress")  # type: ignore[arg-type]
+    instance("retry_failed", retry_failed, bool, "True or False")
+    whole("max_cases", max_cases, at_least=1)
     if not axes:
         raise InputError("axes: must map at least one name to its values")
     for name in axes:
@@ -135,7 +138,7 @@ def run_study(
     if refinement is not None:
         box = {name: vars(span) for name, span in spans.items()}
         head["search"] = {"box": box, **vars(refinement)}
-    with closing(Store(None if store is None else Path(store), head)) as table:
+    with closing(Store(store, head)) as table:
         if retry_failed:
             table.forget_failed()
         workers = Threads() if executor is None else executor
@@ -149,7 +152,7 @@ def run_study(
 
 def open_sweep(store: FileName) -> xr.Dataset:
     """Open the results of a sweep, finished or not, as `run_study` returns them."""
-    with closing(Store(Path(store))) as table:
+    with closing(Store(store)) as table:
         return dataset_of(table)
 
 
@@ -201,12 +204,12 @@ class Status:
 
 def status_of(store: FileName) -> Status:
     """Return the numbers of cases of a stored sweep by state, also while it runs."""
-    with closing(Store(Path(store))) as table:
+    with closing(Store(store)) as table:
         found = summary(dataset_of(table))
         going_on = "search" in table.head and "cases" not in table.head
         total = table.head["total"] if going_on else len(_keys_of(table))
     found = replace(found, total=total, missing=total - found.done - found.failed)
-    return Status(summary=found, writer=writer_of(Path(store)))
+    return Status(summary=found, writer=writer_of(store))
 
 
 def summary(dataset: xr.Dataset) -> Summary:
@@ -231,6 +234,7 @@ def failures(dataset: xr.Dataset) -> list[Failure]:
 
 
 def _status(dataset: xr.Dataset) -> xr.DataArray:
+    instance("dataset", dataset, xr.Dataset, "the result of a sweep")
     if STATUS not in dataset or ERROR not in dataset:
         raise InputError(
             f"dataset: has no variables {STATUS} and {ERROR}; must be the result of a "

@@ -6,13 +6,14 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.spatial import Delaunay
 
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, number
 from stickslip.loops import HALVINGS, bounded
+from stickslip.model.records import Number, Record
 from stickslip.sweep._cases import AxisValue, case_key
 from stickslip.sweep._run import Runner
 
@@ -32,16 +33,16 @@ order are, too.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Span:
+class Span(Record):
     """A searched axis of the box, between its ends."""
 
-    low: float
-    high: float
+    low: Annotated[float, Number()]
+    high: Annotated[float, Number()]
     log: bool = False  #: whether distances are measured in ratios
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "low", number("Span.low", self.low))
-        object.__setattr__(self, "high", number("Span.high", self.high, above=self.low))
+        super().__post_init__()
+        number("Span.high", self.high, above=self.low)
         if self.log:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 
@@ -53,7 +54,7 @@ class Span:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Refinement:
+class Refinement(Record):
     """Settings of a search for the boundaries between regions of a plane, in each of
     which all cases have the same category.
 
@@ -75,15 +76,14 @@ class Refinement:
     True
     """
 
-    runs: int = 160  #: largest number of runs of a search; at least 16
+    #: largest number of runs of a search; at least 16
+    runs: Annotated[int, Number(at_least=16, place="refine.runs")] = 160
     #: length to which lines across the boundary are bisected, as a fraction of the box
-    resolution: float = 1 / 40
+    resolution: Annotated[
+        float, Number(above=0, at_most=1, place="refine.resolution")
+    ] = 1 / 40
     #: name under which a case returns its category, a text or a number
     label: str = "regime"
-
-    def __post_init__(self) -> None:
-        whole("refine.runs", self.runs, at_least=16)
-        number("refine.resolution", self.resolution, above=0, below=1)
 
 
 def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str, Span]:

@@ -24,9 +24,11 @@ from concurrent.futures import (
 from dataclasses import dataclass
 from itertools import islice, takewhile
 from multiprocessing.process import BaseProcess
+from typing import Annotated
 
 from stickslip.errors import InputError, instance, whole
 from stickslip.loops import bounded
+from stickslip.model.records import Number, Record
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Store
 
@@ -59,7 +61,7 @@ Report = Callable[[Progress], object]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Runs:
+class Runs(Record):
     """Length and results of each case of a sweep, as given by the table ``[run]`` of a
     file.
 
@@ -70,13 +72,19 @@ class Runs:
     #: travel of the drive, in the rig's own units or as a text with a unit
     distance: float | str | None = None
     duration: float | str | None = None  #: likewise
-    cycles: float = CYCLES
+    cycles: Annotated[float, Number(at_least=0, place="run.cycles")] = CYCLES
     #: number of times that a run that cannot be classified is repeated, each time twice
     #: as long
-    extensions: int = 1
+    extensions: Annotated[
+        int, Number(at_least=0, at_most=10, place="run.extensions")
+    ] = 1
     #: names of the results; see `stickslip.sweep.study.MEASURES`
     measure: Sequence[str] | None = None
-    max_cases: int = MAX_CASES  #: cases beyond which the sweep is refused
+    #: cases beyond which the sweep is refused
+    max_cases: Annotated[int, Number(at_least=1, place="run.max_cases")] = MAX_CASES
+    #: whether a case may take more than an hour, or 4 GB, by its estimate; else it
+    #: fails
+    long: bool = False
 
 
 class Threads(ThreadPoolExecutor):

@@ -45,8 +45,11 @@ class Store:
     """
 
     def __init__(
-        self, path: Path | None, head: Mapping[str, Any] | None = None
+        self, store: FileName | None, head: Mapping[str, Any] | None = None
     ) -> None:
+        path = None
+        if store is not None or head is None:
+            path = path_of(store)
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
@@ -164,17 +167,24 @@ def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
 
 def is_store(path: FileName) -> bool:
     """Whether a path looks like a store, damaged or not: a file of sqlite."""
-    instance("path", path, (str, os.PathLike), "the name of a file")
     try:
-        with Path(path).open("rb") as file:
+        with path_of(path).open("rb") as file:
             return file.read(15) == b"SQLite format 3"
     except OSError:
         return False
 
 
-def writer_of(path: Path) -> str | None:
+def path_of(store: object) -> Path:
+    """Return the path of a store; `InputError` if it is not the name of a file."""
+    instance("store", store, (str, os.PathLike), "the name of a file")
+    assert isinstance(store, str | os.PathLike)
+    return Path(store)
+
+
+def writer_of(path: FileName) -> str | None:
     """Return the process that writes a store, as text; None if there is none."""
-    with suppress(OSError), open(_lock_of(path), errors="replace") as file:
+    lock = _lock_of(Path(path))
+    with suppress(OSError), open(lock, errors="replace") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -119,7 +119,7 @@ class Plan:
             run=self.study,
             name="sweep of a rig",
             # all that a case of a rig depends on, besides the version of this package
-            version=json.dumps(datasets.encode(self.study)),
+            version=json.dumps(datasets.encode(replace(self.study, long=False))),
             seed=getattr(self.study.rig.method, "seed", 0),
             attributes=self.attributes(),
             categories={"regime": KINDS},
@@ -205,6 +205,7 @@ def sweep(
     (('velocity', 'contacts'), 'm/s')
     """
     instance("sweep: rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("sweep: runs", runs, Runs, "a sweep.Runs(...)")
     plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     return plan.run(
         store=store, executor=executor, progress=progress, retry_failed=retry_failed
@@ -336,6 +337,7 @@ def _axis(
         return read(given, place, parameter.unit, sign=sign)
 
     if isinstance(given, Span):
+        value(given.low, f"{place}.from")
         return given
     if not isinstance(given, Mapping) or name == "start":
         listed = sequence(
@@ -408,7 +410,7 @@ def _plan(
 
     # includes parameters registered by the user
     _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
-    most = whole("run.max_cases", runs.max_cases, at_least=1)
+    most = runs.max_cases
     values = {each: _axis(each, given, read, most) for each, given in axes.items()}
     _check(rig, values, refinement)
     distance = SHORTEST  # in natural units, as is the duration
@@ -419,17 +421,19 @@ def _plan(
         duration = read(runs.duration, "run.duration", "time") / rig.unit("time")
     study = Study(
         rig=replace(rig, name="", assumed={}, fitted={}, source=""),
-        cycles=number("run.cycles", runs.cycles, at_least=0),
-        extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
+        cycles=runs.cycles,
+        extensions=runs.extensions,
+        long=runs.long,
         distance=distance,
         duration=duration,
     )
-    measure = sequence("measure", runs.measure or USUAL, "a list of names")
+    wanted = USUAL if runs.measure is None else runs.measure
+    measure = sequence("measure", wanted, "a list of names")
     for one in measure:
-        wanted = one if isinstance(one, str) else shown(one)
-        if wanted not in MEASURES:
-            near = unknown(wanted, MEASURES)
-            raise InputError(f"measure: {wanted!r} is not measured in a sweep; {near}")
+        name_of = one if isinstance(one, str) else shown(one)
+        if name_of not in MEASURES:
+            near = unknown(name_of, MEASURES)
+            raise InputError(f"measure: {name_of!r} is not measured in a sweep; {near}")
     return Plan(
         name=name,
         study=study,
@@ -480,8 +484,9 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
                 "= 'contacts'"
             )
     spans = spans_of(axes, refinement)
-    if spans and (strange := {*axes} - {*spans, "start"}):
+    searched = {*spans} & {*BY_NAME}
+    if spans and (strange := {*axes} - {*searched, "start"}):
         raise InputError(
-            f"axes.{strange.pop()}: [refine] takes start alone beside the two "
-            "parameters"
+            f"axes.{strange.pop()}: [refine] takes start alone beside two parameters "
+            "of the rig"
         )

@@ -11,7 +11,7 @@ from stickslip.measure import regime
 from stickslip.measure.kinds import Kind
 from stickslip.model import FromRest, FromSliding, Rig, Slider, constant
 from stickslip.model.methods import DRAWN
-from stickslip.simulation import simulate
+from stickslip.simulation import estimate, simulate
 
 # kinds of regime; the index is the code in the results
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -45,6 +45,7 @@ class Study:
     duration: float
     cycles: float
     extensions: int
+    long: bool = False
 
     def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
         """Run one case; return all of `MEASURES`, in the rig's own units."""
@@ -73,7 +74,10 @@ class Study:
         duration = max(distance / velocity, self.duration)
         for _ in range(self.extensions + 1):
             drive = constant(velocity, duration)
-            seen = regime(simulate(replace(rig, drive=drive), long=True))
+            case = replace(rig, drive=drive)
+            if not self.long:
+                estimate(case).check(otherwise="allow it by long = true in [run]")
+            seen = regime(simulate(case, long=True))
             if seen.kind != "undecided":
                 break
             duration *= 2.0

@@ -66,11 +66,6 @@ _TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
 thermal activation those of an ageing time, and of a break.
 """
 _CONTACT = 150.0  # bytes of a contact
-# A slider that rings after a slip moves this far in a radian, in mean thresholds, on
-# average: half of 2/pi of its amplitude, as it does not ring after each slip.
-_RINGS = 0.1
-# Fraction of the radians of ringing in which this limits the steps, see `time_steps`.
-_FOLLOWED = 0.3
 # delays drawn, from which contacts choose; one suffices if all are equal
 _POOL = 65_536
 # seconds of the cohorts per ageing time or mean threshold, for an error of 1e-4; the
@@ -411,11 +406,11 @@ class LangevinDensity(Steps):
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        path = course.distance + course.shaken + _RINGS * course.loud
         settled = _way_settled(rig)
         aged = _AGED * 1e-4 / method.rtol
         step = 4.0 / _cells_of_density(method.rtol)
-        steps = path / step + _FOLLOWED * course.rung / Steps.angle
+        # Steps of a ringing slider are longer, and theory does not count its slips.
+        steps = (course.distance + course.shaken) / step
         remembered = _remembered(rig, _OF_MEMORY_DENSITY)
         taken = max(steps, remembered) + settled / step
         constants = ageing_constants(rig.natural.interface)
