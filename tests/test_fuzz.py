@@ -178,17 +178,19 @@ RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
 PAGES = "cycles elastic fitting measure rate-state stability surface sweeps theory"
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 TEXTS = [(REFERENCE / f"{page}.md").read_text() for page in PAGES.split()]
-NAMES = {*re.findall(r"autofunction:: (\S+)", "".join(TEXTS))}
-NAMES -= {"stickslip.fitting.table"}  # takes minutes
-PUBLIC = {*map(locate, NAMES), *(getattr(ss, name) for name in ss.__all__)}
-PUBLIC |= {*RECORDS, estimate, export, state_space}
-PUBLIC |= {getattr(room, name) for room in (surface, sweep) for name in room.__all__}
+NAMES = dict.fromkeys(re.findall(r"autofunction:: (\S+)", "".join(TEXTS)))
+NAMES.pop("stickslip.fitting.table")  # takes minutes
+PUBLIC = [*map(locate, NAMES), *RECORDS, estimate, export, state_space]
+PUBLIC += [
+    getattr(room, name) for room in (ss, surface, sweep) for name in room.__all__
+]
 
 
 def is_called(call):
     """Return whether it is a function, or a record of the model."""
     is_record = is_dataclass(call) and call.__module__.startswith("stickslip.model")
-    return inspect.isfunction(call) or is_record
+    is_lazy = inspect.isgeneratorfunction(call)
+    return (inspect.isfunction(call) and not is_lazy) or is_record
 
 
 CALLS = {

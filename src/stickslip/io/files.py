@@ -37,11 +37,17 @@ _REMEDIES = {
 _OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
+def as_path(path: FileName) -> Path:
+    """Return the path of a file; `InputError` if it is no name."""
+    instance("path", path, (str, os.PathLike), "the name of a file")
+    return Path(path)
+
+
 def check_suffix(path: FileName | None, what: str, suffix: str) -> None:
     """Raise `InputError` if a file would be written under the suffix of another
     kind.
     """
-    if path is not None and Path(path).suffix not in ("", suffix):
+    if path is not None and as_path(path).suffix not in ("", suffix):
         name = Path(path).with_suffix(suffix).name
         raise InputError(f"{path}: {what} is written as {suffix}; name it {name}")
 
@@ -109,9 +115,8 @@ def _regular(path: FileName, done: str, kind: str) -> os.stat_result | None:
     """Return the status of a regular file, following links; None if there is no such
     file.
     """
-    instance("path", path, (str, os.PathLike), "the name of a file")
     try:
-        found = os.stat(path)
+        found = os.stat(as_path(path))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -11,6 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from stickslip.answers import COLOURS
+from stickslip.errors import dataset
 from stickslip.plot.palette import BLACK, BLUE, GREEN, GREY, PAGE, SKY, VERMILLION
 from stickslip.plot.style import (
     given_or_new,
@@ -30,6 +31,7 @@ def surface(found: xr.Dataset, estimate: Any = None, answer: Any = None) -> Figu
     """Draw the contacts of a map, as `stickslip.surface.contacts` returns them, and
     their diameters; below, if given, an `estimate` from them and a prediction.
     """
+    dataset("found", found, "the contacts of a map")
     rows = 1 if estimate is None else 2
     figure = new_figure(PAGE, 3.0 + 1.9 * (rows - 1))
     figure.set_layout_engine("constrained", wspace=0.08)
@@ -46,6 +48,7 @@ def surface(found: xr.Dataset, estimate: Any = None, answer: Any = None) -> Figu
 @house_style()
 def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw heights in grey, and the contacts in colour."""
+    dataset("found", found, "the contacts of a map")
     ax = given_or_new(ax, 3.5, 3.0)
     height = _MICRO * found["height"].to_numpy()
     # nodes are in the middle of their pixels
@@ -80,6 +83,7 @@ def contact_sizes(found: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw, for each resolution, the fraction of the stiffness in contacts up to a
     diameter.
     """
+    dataset("found", found, "the contacts of a map")
     ax = given_or_new(ax, 3.5, 3.0)
     resolution = found["resolution_of"].to_numpy()
     colours = (BLUE, SKY, GREY)

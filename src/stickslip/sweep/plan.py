@@ -32,7 +32,7 @@ from stickslip.errors import (
 )
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
-from stickslip.io.files import FileName
+from stickslip.io.files import FileName, as_path
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
 from stickslip.io.tables import Tables, at, unknown
@@ -247,7 +247,7 @@ def read_plan(path: FileName) -> Plan:
     """Read a sweep file or the example of that name, and the rig file that it names, if
     any.
     """
-    source = Path(path)
+    source = as_path(path)
     return from_document(
         rigs.content_of(source, "sweep file", "`stickslip new phase_diagram`"),
         source.name,

@@ -9,7 +9,7 @@ import xarray as xr
 
 from stickslip.arrays import Range
 from stickslip.cycles import bistable_range, bistable_region
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, dataset
 from stickslip.model import Rig
 from stickslip.progress import Progress
 from stickslip.stability import boundary, critical
@@ -31,6 +31,7 @@ def with_theory(
     in a plane) and ``band_...`` along ``band``; the attribute ``theory`` names them, or
     gives the reason why there are none.
     """
+    dataset("result", result, "the results of a sweep")
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
     ranges = {
