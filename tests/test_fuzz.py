@@ -337,10 +337,7 @@ SPLICES = st.lists(
     st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4
 )
 WHOLE = rig_files.to_document(RIG)
-CALL = (
-    "stickslip.sliding.law.kinetic_friction",
-    {"interface": INTERFACE, "velocity": 1.0},
-)
+CALL = "stickslip.sliding.rigid_motion.static_friction", {"interface": INTERFACE}
 PROPERTIES = {
     "rig files": (with_a_rig_file, rigs(), WHOLE),
     "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
