@@ -1248,6 +1248,15 @@ def test_the_real_trace():
         assert "record more often" in rarely.reason
 
 
+def test_slips_between_two_readings_of_a_run_are_as_fast_as_their_mean_velocity():
+    t = np.arange(0.0, 60.0, 0.05)
+    creep = np.exp(-(t % 1.0) / 0.2)
+    X = t // 1.0 - 0.4 * creep
+    moves = {"velocity": 2.0 * creep, "drive_velocity": np.ones_like(t)}
+    seen = regime(trace(t, 3.0 + t - X, displacement=X, **moves))
+    assert (seen.kind, round(seen.largest_velocity, 1)) == ("stick-slip", 12.1)
+
+
 @pytest.mark.parametrize("told_by", ["velocity", "displacement", "strokes"])
 def test_friction_against_speed_is_found_in_a_record(told_by):
     """Steps and strokes about an offset, with friction that falls with the speed."""

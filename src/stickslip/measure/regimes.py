@@ -223,7 +223,8 @@ class Regime(Answer):
             lines.append(self._rates(self.loading_rate, self.falling_rate))
         if self.largest_velocity is not None:
             lines.append(
-                f"largest velocity {self.largest_velocity:.3g} times the drive's"
+                f"largest velocity {words.number(self.largest_velocity, 3)} times the "
+                "drive's"
             )
         return lines
 
@@ -677,9 +678,8 @@ def _judge(window: Window) -> Regime:
         count = seen.cycles.count
         period = seen.cycles.period
         variation = seen.cycles.variation
-    pace = trace.pace
     slips_or_lasts = kind in (SLIPS, LASTS)
-    shows_loading = pace is None and slips_or_lasts and seen.loading.rate > 0
+    shows_loading = trace.pace is None and slips_or_lasts and seen.loading.rate > 0
     drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
@@ -701,7 +701,7 @@ def _judge(window: Window) -> Regime:
         falling_rate=seen.falling_rate if shows_loading else None,
         drive_velocity=drive,
         speeds=trace.speeds,
-        largest_velocity=None if pace is None else float(pace.max()),
+        largest_velocity=trace.largest_velocity,
         stuck=trace.stuck,
         quantity=trace.quantity,
         time_unit=trace.time_unit,

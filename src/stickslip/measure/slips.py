@@ -213,9 +213,9 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         before = np.clip(_levels(trace, start, rises[0]), before - most, before + most)
         after = np.clip(_levels(trace, end, rises[1]), after - most, after + most)
     fastest = np.full(peak.size, math.nan)
-    if trace.velocity is not None:
+    if trace.peaks is not None:
         slips = np.column_stack([peak, trough + 1]).ravel()
-        fastest = np.maximum.reduceat(trace.velocity, slips)[::2]
+        fastest = np.maximum.reduceat(trace.peaks, slips)[::2]
     found = Slips(
         peak=peak,
         trough=trough,

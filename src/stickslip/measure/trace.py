@@ -302,12 +302,40 @@ class Trace:
         return self.length / travel[-1] * travel if travel[-1] > 0.0 else self.t
 
     @cached_property
+    def peaks(self) -> Array | None:
+        """Least value of the largest velocity of the slider since the reading before;
+        None where it is not known.
+        """
+        if self.velocity is None or self.X is None or self.measured:
+            return self.velocity
+        # A slip between two readings is at least as fast as their mean velocity.
+        mean = np.diff(self.X) / np.diff(self.t)
+        return np.append(self.velocity[0], np.maximum(self.velocity[1:], mean))
+
+    @cached_property
     def pace(self) -> Array | None:
         """Velocity of the slider over the median velocity of the drive; None where it
         is not known.
         """
-        drive = 0.0 if self.drive is None else float(np.median(self.drive))
+        drive = self._usual_drive
         return self.velocity / drive if self.velocity is not None and drive else None
+
+    @property
+    def largest_velocity(self) -> float | None:
+        """Largest velocity of the slider over the median velocity of the drive; None
+        where it is not known.
+        """
+        drive = self._usual_drive
+        return (
+            float(self.peaks.max()) / drive
+            if self.peaks is not None and drive
+            else None
+        )
+
+    @property
+    def _usual_drive(self) -> float:
+        """Median velocity of the drive; 0 where it is not known."""
+        return 0.0 if self.drive is None else float(np.median(self.drive))
 
     @property
     def speeds(self) -> Range | None:
