@@ -35,6 +35,7 @@ Window = tuple[Ends, Ends]
 Over = tuple[Parameter | str, Parameter | str]
 
 # lines across the window in each direction, where the points of a line share a response
+_AROUND = np.geomspace(0.1, 10.0, 41)  # values of a map, over the rig's own
 LINES = 65
 FEW_LINES = 33  # where each point of a line needs its own response
 
@@ -114,7 +115,7 @@ def stability_map(
     rig: Rig,
     *,
     over: Over = (STIFFNESS, VELOCITY),
-    values: tuple[ArrayLike, ArrayLike],
+    values: tuple[ArrayLike, ArrayLike] | None = None,
     growth: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
@@ -127,11 +128,12 @@ def stability_map(
     Parameters
     ----------
     rig : Rig
-        The rig; its values of the two parameters do not matter.
+        The rig; with `values`, its own ones of the two parameters do not matter.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
-    values : (array_like, array_like)
-        Values of each parameter, all above 0, in the rig's own units.
+    values : (array_like, array_like), optional
+        Values of each parameter, all above 0, in the rig's own units. By default 41
+        from a tenth to ten times the rig's own.
     growth : bool
         Whether to return the growth rate and frequency of the fastest mode as well,
         which takes some milliseconds a point.
@@ -149,10 +151,20 @@ def stability_map(
     InputError
         If a value is not above 0, both parameters are the same, or there is no steady
         sliding.
+
+    Examples
+    --------
+    >>> rig = ss.example("brake_pad")
+    >>> found = ss.stability_map(rig, over=("velocity", "stiffness"))
+    >>> found["velocity"].values[[0, 20, 40]].round(4)  # m/s, about the rig's own
+    array([0.002, 0.02 , 0.2  ])
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
     parameters = _two_parameters(over)
+    if values is None:
+        first, second = (rig.value(each) * _AROUND for each in parameters)
+        values = first, second
     given = zip(
         parameters,
         pair("values", values, "values of each parameter"),
