@@ -79,11 +79,13 @@ class Refinement(Record):
     #: largest number of runs of a search; at least 16
     runs: Annotated[int, Number(at_least=16, place="refine.runs")] = 160
     #: length to which lines across the boundary are bisected, as a fraction of the box
-    resolution: Annotated[
-        float, Number(above=0, at_most=1, place="refine.resolution")
-    ] = 1 / 40
+    resolution: Annotated[float, Number(above=0, place="refine.resolution")] = 1 / 40
     #: name under which a case returns its category, a text or a number
     label: str = "regime"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        number("refine.resolution", self.resolution, below=1)
 
 
 def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str, Span]:
