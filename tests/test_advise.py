@@ -472,6 +472,8 @@ def test_next_to_a_change_contacts_whose_noise_matters_have_to_agree(noisy):
     survey.simulate(Fated(math.inf))
     kinds = {v: b.kind for v in (1.5, 2.5, 3.5) for b in survey.bands() if v in b}
     assert [*kinds.values()] == ["stick-slip", "stable", "smooth sliding"]
+    text = str(ss.predict(make(**noisy), fast=True))
+    assert ("10000 contacts leave smooth sliding" in text) == ("delay" in noisy)
 
 
 def test_a_drive_with_strokes_is_not_headlined_by_a_speed_that_never_lasts():

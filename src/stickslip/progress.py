@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, refused, shown
 from stickslip.words import number
 
 Progress = Callable[[float], None]
@@ -17,6 +17,17 @@ Progress = Callable[[float], None]
 
 def unheard(_done: float) -> None:
     """Report the progress to nobody."""
+
+
+def heard(progress: Progress | None) -> Progress:
+    """Return what is called with the progress: `unheard` for None; `InputError` if it
+    cannot be called.
+    """
+    if progress is None:
+        return unheard
+    if not callable(progress):
+        raise refused("progress", progress, "must be a function of the fraction done")
+    return progress
 
 
 def part(report: Progress, begin: float, end: float) -> Progress:

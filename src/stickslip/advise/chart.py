@@ -14,7 +14,7 @@ from stickslip.errors import InputError, number, whole
 from stickslip.model import FromRest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress, part, unheard
+from stickslip.progress import Progress, heard, part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,7 +47,7 @@ def chart(
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
-    report = progress or unheard
+    report = heard(progress)
     natural = rig.natural
     parameters = [parameter_named(each) for each in over]
     here = [

@@ -52,7 +52,7 @@ from stickslip.model.parameters import (
 )
 from stickslip.model.rig import Ends, Rig
 from stickslip.model.structure import ControlledAxis, Structure
-from stickslip.progress import Progress, part, reporting, unheard
+from stickslip.progress import Progress, heard, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
 from stickslip.simulation.engines.blocks import check_body
@@ -270,7 +270,7 @@ def complete(
     """Add to a verdict what `predict` finds without ``fast``: the motion from rest at
     other speeds, margins, and mitigations.
     """
-    report = progress or unheard
+    report = heard(progress)
     if isinstance(found, AxisAnswer):
         return complete_axis(found, report)
     budget = Budget(math.inf if thorough else _FOR_ALL)

@@ -16,7 +16,7 @@ from stickslip.advise.mitigations import Mitigation, has, machine_parameters
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY
-from stickslip.progress import Progress, part, unheard
+from stickslip.progress import Progress, heard, part
 from stickslip.simulation import simulate
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def report(
     """
     pictures = [
         (title, base64.b64encode(plot.drawn(figure, "svg")).decode())
-        for title, figure in _pictures(found, progress or unheard)
+        for title, figure in _pictures(found, heard(progress))
     ]
     rig = to_toml(found.rig, own=True)
     return found.html(pictures=pictures, rig=rig, version=__version__)

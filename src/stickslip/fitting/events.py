@@ -15,7 +15,7 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.arrays import labelled
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, dataset, instance, number
 from stickslip.fitting.model import FLOOR, SLIPS
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.sensor import note_saturation, resolution, white_noise
@@ -250,7 +250,7 @@ def pick_events(
     >>> len(found), float(found.drops.mean()), round(found.recurrence, 3)
     (38, 4.0, 5.0)
     """
-    instance("fit: trace", trace, xr.Dataset, "a Dataset, such as read_trace() returns")
+    dataset("fit: trace", trace, "a Dataset, such as read_trace() returns")
     kept = (
         trace if after is None else trace.sel(time=slice(number("after", after), None))
     )

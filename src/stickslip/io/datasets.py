@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip import __version__, model
 from stickslip.arrays import units_of
-from stickslip.errors import InputError, instance
+from stickslip.errors import InputError, dataset
 from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
@@ -176,10 +176,8 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
     InputError
         If the file cannot be written, or has the suffix of another kind.
     """
-    import xarray as xr
-
     files.check_suffix(path, "a Dataset", ".nc")
-    instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
+    dataset("save: data", data, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
     encoding = {
         name: {"zlib": True, "complevel": 1}

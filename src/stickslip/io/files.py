@@ -37,9 +37,10 @@ _REMEDIES = {
 _OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
-def as_path(path: FileName) -> Path:
+def as_path(path: FileName | None, place: str = "path") -> Path:
     """Return the path of a file; `InputError` if it is no name."""
-    instance("path", path, (str, os.PathLike), "the name of a file")
+    instance(place, path, (str, os.PathLike), "the name of a file")
+    assert path is not None
     return Path(path)
 
 
@@ -47,8 +48,11 @@ def check_suffix(path: FileName | None, what: str, suffix: str) -> None:
     """Raise `InputError` if a file would be written under the suffix of another
     kind.
     """
-    if path is not None and as_path(path).suffix not in ("", suffix):
-        name = Path(path).with_suffix(suffix).name
+    if path is None:
+        return
+    place = as_path(path)
+    if place.suffix not in ("", suffix):
+        name = place.with_suffix(suffix).name
         raise InputError(f"{path}: {what} is written as {suffix}; name it {name}")
 
 

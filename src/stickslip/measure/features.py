@@ -216,11 +216,10 @@ class Window:
         if self.trace.velocity is not None:
             return math.nan
         least = 0.0
-        lags = 2 ** np.arange(
-            max(self.trace.residual.size // _PART_OF_LAGS, 1).bit_length()
-        )
+        residual = self.trace.residual
+        lags = 2 ** np.arange(max(residual.size // _PART_OF_LAGS, 1).bit_length())
         for lag in lags.tolist():
-            change = self.trace.residual[lag:] - self.trace.residual[:-lag]
+            change = residual[lag:] - residual[:-lag]
             cubes = change * change * change  # much faster than a power
             parts = np.array_split(cubes, 2 * FEWEST_CYCLES)
             means = np.array([part.mean() for part in parts])

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from stickslip.arrays import labelled, units_of
-from stickslip.errors import InputError, dataset, instance
+from stickslip.errors import InputError, dataset
 from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain, Rig
 from stickslip.words import engineering
@@ -268,9 +268,7 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     """Return the units of the variables of a run; `InputError` unless it is one of an
     elastic slider.
     """
-    import xarray as xr
-
-    instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
+    dataset(f"{who}: run", run, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
     return {str(name): units_of(each) for name, each in run.variables.items()}

@@ -69,8 +69,8 @@ def decide(seen: Window) -> tuple[Kind, str]:
         size = f"{_percent(seen.part)}, peak to peak"
         reason = f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
         if seen.trace.measured:
-            reason += "; by itself, or forced by the drive or the track: other speeds "
-            reason += "would decide"
+            forced = "by itself, or forced by the drive or the track"
+            reason += f"; {forced}: other speeds would decide"
         return LASTS, reason
     return _uneven(seen)
 

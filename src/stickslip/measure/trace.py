@@ -326,11 +326,9 @@ class Trace:
         where it is not known.
         """
         drive = self._usual_drive
-        return (
-            float(self.peaks.max()) / drive
-            if self.peaks is not None and drive
-            else None
-        )
+        if self.peaks is None or not drive:
+            return None
+        return float(self.peaks.max()) / drive
 
     @property
     def _usual_drive(self) -> float:

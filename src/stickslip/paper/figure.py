@@ -16,7 +16,7 @@ from stickslip import io, plot
 from stickslip.answers import plain
 from stickslip.errors import InputError
 from stickslip.paper.kit import Picture, Progress
-from stickslip.progress import unheard
+from stickslip.progress import heard
 
 Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
@@ -225,7 +225,7 @@ class Figure:
         `progress` is called with the completed fraction of the work.
         `stickslip.io.datasets.save` writes the data.
         """
-        report = progress or unheard
+        report = heard(progress)
         data = self.data(report, quick)
         report(1.0)
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})

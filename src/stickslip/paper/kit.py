@@ -16,7 +16,7 @@ from stickslip.arrays import Range
 from stickslip.plot import GREY, VERMILLION
 from stickslip.plot import panel as panel
 from stickslip.progress import Progress as Progress
-from stickslip.progress import part, unheard
+from stickslip.progress import heard, part
 
 Picture = matplotlib.figure.Figure
 
@@ -82,7 +82,7 @@ def grid(
     cases = list(itertools.product(*coordinates.values()))
     found = []
     for case, report in zip(
-        cases, portions(progress or unheard, *[1.0] * len(cases)), strict=True
+        cases, portions(heard(progress), *[1.0] * len(cases)), strict=True
     ):
         found.append(xr.Dataset(dict(run(*case, *([report] if progress else [])))))
         report(1.0)

@@ -18,7 +18,7 @@ from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
 from stickslip.plot.style import house_style, new_figure, panel, variable
-from stickslip.progress import Progress, unheard
+from stickslip.progress import Progress, heard
 from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
@@ -44,7 +44,7 @@ def contacts(run: xr.Dataset, *, progress: Progress | None = None) -> FuncAnimat
     the fraction done. Write it with `save`, as GIF. Raises `InputError` for another
     run, or if a piece of the drive ends on a condition.
     """
-    seen = frames(rig_of(run), 1.0, _FRAMES, progress or unheard)
+    seen = frames(rig_of(run), 1.0, _FRAMES, heard(progress))
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     span = seen.times[[0, -1]]

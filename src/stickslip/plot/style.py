@@ -28,7 +28,7 @@ from stickslip.io import files
 from stickslip.io.files import FileName
 from stickslip.measure.trace import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
-from stickslip.progress import Progress, unheard
+from stickslip.progress import Progress, heard
 from stickslip.words import prefixed
 
 _STYLE = mpl.rc_params_from_file(
@@ -342,7 +342,7 @@ def save(
     if isinstance(shown, FuncAnimation):
         format_of(path, "contacts")
         film = _Film(PER_SECOND)
-        report = progress or unheard
+        report = heard(progress)
 
         def count(frame: int, frames: int) -> None:
             report((frame + 1) / frames)
@@ -353,9 +353,9 @@ def save(
     from scipy.io import wavfile  # slow to import, and seldom needed
 
     format_of(path, "sound")
-    heard = io.BytesIO()
-    wavfile.write(heard, *shown)
-    return files.write(path, heard.getbuffer())
+    sound = io.BytesIO()
+    wavfile.write(sound, *shown)
+    return files.write(path, sound.getbuffer())
 
 
 def drawn(figure: Figure, kind: str) -> memoryview:

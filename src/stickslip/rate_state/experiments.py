@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
-from stickslip.errors import InputError, instance, number, pair, whole
+from stickslip.errors import InputError, dataset, instance, number, pair, whole
 from stickslip.io.headings import ratio
 from stickslip.measure.trace import ERRORS, Array, dataset_of
 from stickslip.rate_state.fitting import Estimate
@@ -105,7 +105,7 @@ class Record(NamedTuple):
         """Return friction and displacement of a Dataset; `InputError` if it holds no
         friction.
         """
-        instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
+        dataset("data", data, "a Dataset, as read_trace() returns it")
         if "time" in data.coords and data["time"].dtype.kind in "mM":
             data = dataset_of(data)  # dates become seconds
         there = [one for one in data if data[one].dims == ("time",)]

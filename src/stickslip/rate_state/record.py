@@ -297,7 +297,7 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
     around it, half as wide as the widest that fits within the noise.
 
     What a parabola misses is of third and fourth order in its width: at half the width,
-    its share in the vertex is small.
+    its part in the vertex is small.
     """
     noise = _noise(friction)
     top = int(friction.argmax())

@@ -21,7 +21,7 @@ from stickslip.model.drive import (
     ForceBelow,
     Travel,
 )
-from stickslip.progress import Progress, unheard
+from stickslip.progress import Progress, heard, unheard
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
 
@@ -63,7 +63,7 @@ def follow(
     sample at the joint of two pieces belongs to the earlier one. Raises `InputError`
     with the time at which the numbers of the run stop being finite.
     """
-    report = progress or unheard
+    report = heard(progress)
     total = drive.duration
     first = engine.here()[0]
     parts = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import is_dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,7 +20,7 @@ from stickslip.errors import (
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
-from stickslip.progress import Progress, part, unheard
+from stickslip.progress import Progress, heard, part
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, LinePoint
 from stickslip.stability.impedances import spring_at_contact
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 Window = tuple[Ends, Ends]
 Over = tuple[Parameter | str, Parameter | str]
 
-# lines across the window in each direction, where the points of a line share a response
 _AROUND = np.geomspace(0.1, 10.0, 41)  # values of a map, over the rig's own
+# lines across the window in each direction, where the points of a line share a response
 LINES = 65
 FEW_LINES = 33  # where each point of a line needs its own response
 
@@ -82,7 +81,7 @@ def boundary(
         in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
+    report = heard(progress)
     parameters = _two_parameters(over)
     ranges = pair("between", between, "a range of each parameter")
     window = [
@@ -96,7 +95,7 @@ def boundary(
     )
     grids = [np.geomspace(low, high, lines) for low, high in window]
     grid = _MapGrid(parameters, rig.natural, grids)
-    curves = grid.contour(progress or unheard)
+    curves = grid.contour(report)
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     columns = {
@@ -128,7 +127,7 @@ def stability_map(
     Parameters
     ----------
     rig : Rig
-        The rig; with `values`, its own ones of the two parameters do not matter.
+        The rig; its own values of the two parameters are used without `values` only.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
     values : (array_like, array_like), optional
@@ -160,7 +159,7 @@ def stability_map(
     array([0.002, 0.02 , 0.2  ])
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("progress", progress, Callable | None, "a function of the fraction done")  # type: ignore[arg-type]
+    report = heard(progress)
     parameters = _two_parameters(over)
     if values is None:
         first, second = (rig.value(each) * _AROUND for each in parameters)
@@ -183,7 +182,6 @@ def stability_map(
         for parameter, value in given
     ]
     grid = _MapGrid(parameters, rig.natural, grids)
-    report = progress or unheard
     points = grid.neutral(part(report, 0.0, 0.5 if growth else 1.0))
     counts = np.array(
         [[neutral.unstable() for neutral in row] for row in points],

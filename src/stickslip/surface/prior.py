@@ -14,7 +14,7 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array, Range
-from stickslip.errors import InputError, instance, refused
+from stickslip.errors import InputError, dataset, instance, refused
 from stickslip.io.rig_files import content_of, from_document, to_document
 from stickslip.model import Areas, Empirical, Interface, Rig
 from stickslip.model.quantities import read_value
@@ -157,7 +157,7 @@ def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
     >>> expected.elastic < expected.renewal
     True
     """
-    instance("found", found, xr.Dataset, "a Dataset of surface.contacts")
+    dataset("found", found, "a Dataset of surface.contacts")
     if "effective_number" not in found:
         raise InputError("found: must be a Dataset of surface.contacts")
     mu = read_value("friction", friction, "1", "0.4")

@@ -22,8 +22,8 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from stickslip.errors import InputError, instance
-from stickslip.io.files import FileName
+from stickslip.errors import InputError
+from stickslip.io.files import FileName, as_path
 
 FORMAT = 0x53545332  # "STS2"
 # seconds between commits: a kill can lose this much work, and the batches in flight
@@ -49,7 +49,7 @@ class Store:
     ) -> None:
         path = None
         if store is not None or head is None:
-            path = path_of(store)
+            path = as_path(store, "store")
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
@@ -168,17 +168,10 @@ def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
 def is_store(path: FileName) -> bool:
     """Whether a path looks like a store, damaged or not: a file of sqlite."""
     try:
-        with path_of(path).open("rb") as file:
+        with as_path(path, "store").open("rb") as file:
             return file.read(15) == b"SQLite format 3"
     except OSError:
         return False
-
-
-def path_of(store: object) -> Path:
-    """Return the path of a store; `InputError` if it is not the name of a file."""
-    instance("store", store, (str, os.PathLike), "the name of a file")
-    assert isinstance(store, str | os.PathLike)
-    return Path(store)
 
 
 def writer_of(path: FileName) -> str | None:
