@@ -22,13 +22,12 @@ def refusal(text, unit="N/m"):
     return message
 
 
-READ = """4 MN/m = 4e6 N/m | 4\u00a0MN/m = 4e6 N/m | 4.0e3 kN/m = 4e6 N/m
+READ = """4 MN/m = 4e6 N/m | 4\u00a0MN/m = 4e6 N/m | 4.0e3 kN/m = 4e6 N/m | 1 h = 60 min
 +.5 N/m = 0.5 N/m | -0.4 mm/s = -4e-4 m/s | 0 N = 0 N | 4 kg/s² = 4 N/m
 2 um = 2e-6 m | 7 \u03bcm = 7e-6 m | 7 µm = 7e-6 m | 7 micron = 7e-6 m | 3 Å = 3e-10 m
 200 1/s = 200 1/s | 200 s^-1 = 200 1/s | 200 s⁻¹ = 200 1/s | 4 kg*m/(s^2*m) = 4 N/m
 3 t = 3e3 kg | 5 daN = 50 N | 1 kgf = 9.80665 N | 1 lbf = 4.4482216152605 N
-36 km/h = 10 m/s | 3 kN/m = 3 N/mm | 4 MN·m⁻¹ = 4e6 N/m
-2 um = 0.002 mm | 1 h = 60 min"""
+36 km/h = 10 m/s | 3 kN/m = 3 N/mm | 4 MN·m⁻¹ = 4e6 N/m | 2 um = 0.002 mm"""
 READINGS = [
     ("1 lbf/in", 4.4482216152605 / 0.0254, "N/m"),
     ("30 mm/yr", 0.03 / (365.25 * 86400), "m/s"),
