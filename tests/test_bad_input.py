@@ -209,7 +209,7 @@ REFUSED = (
     lambda: ss.rate_and_state(INTERFACE, law=np.array([1.0, 2.0])),
     "law = array.*: must be 'best', 'ageing' or 'slip'",
     lambda: ss.sweep.Refinement(resolution=1),
-    r"^refine\.resolution = 1\.0: must be a finite number below 1$",
+    r"^refine\.resolution = 1: must be a finite number below 1$",
     lambda: ss.rigid_slide(AGEING, 1),
     r"^Interface\.ageing = .*: not available with",
     lambda: ss.static_friction(AGEING),
