@@ -17,6 +17,7 @@ from stickslip.measure.features import (
     Window,
 )
 from stickslip.measure.periods import PERIODIC
+from stickslip.measure.sensor import resolution
 from stickslip.measure.slips import WHITE
 from stickslip.measure.strokes import are_to_and_fro
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, STEADY_DEVIATION, STUCK_TIME
@@ -110,6 +111,16 @@ def _missing(seen: Window) -> str:
         return f"the normal load changes until {at}: then hold it for a while"
     if seen.count >= FEWEST_CYCLES or seen.velocity_deviation < STEADY_DEVIATION:
         return ""
+    size = words.engineering(float(np.ptp(trace.force)), trace.force_unit, 3)
+    # compared with the peak to peak of a sawtooth of this scatter
+    stands_out = abs(trace.rise) > math.sqrt(12.0) * seen.scatter
+    step = resolution(trace.force)
+    if seen.scatter < step and not stands_out:
+        steps = words.engineering(step, trace.force_unit, 3)
+        return (
+            f"the force changes by {size} in the window, and was recorded in steps of "
+            f"{steps}: a finer record would decide"
+        )
     if seen.shows_cycles:
         lacking = FEWEST_CYCLES - seen.count
         each = trace.length / max(seen.count, 1)
@@ -118,22 +129,21 @@ def _missing(seen: Window) -> str:
             f"too short: {seen.count} of the {FEWEST_CYCLES} complete cycles that a "
             f"verdict needs; {lacking} more, about {more}, would suffice"
         )
-    # compared with the peak to peak of a sawtooth of this scatter
-    stands_out = abs(trace.rise) > math.sqrt(12.0) * seen.scatter
     if seen.is_mostly_noise and (seen.is_level or not stands_out):
         return _hidden(seen)
     if not stands_out:
-        size = words.engineering(float(np.ptp(trace.force)), trace.force_unit, 3)
         return (
             f"the force changes by {size} in the window, without a series of slips or "
             "cycles: a longer record would decide"
         )
     way = "rises" if trace.rise > 0 else "falls"
     size = words.engineering(abs(trace.rise), trace.force_unit, 3)
-    return (
-        f"the force still {way}, by {size} in the window, and shows no complete slip: "
-        "a held slider, or a drift; stiffness and velocity would decide"
+    shown = (
+        f"the force still {way}, by {size} in the window, and shows no complete slip"
     )
+    if trace.pace is not None:
+        return f"{shown}: a longer record would decide"
+    return f"{shown}: a held slider, or a drift; stiffness and velocity would decide"
 
 
 def _changes(seen: Window) -> str:

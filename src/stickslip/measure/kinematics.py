@@ -248,7 +248,7 @@ class Kinematics(Answer):
     drop: float  #: mean drop over the stiffness, in m
     drop_variation: float  #: its coefficient of variation
     #: measured loading rate over stiffness times velocity: 1 for a slider that sticks,
-    #: about .2 for one that never does
+    #: about .2 for one that never does; NaN where the force never rises
     loading: float
     #: mass, in kg, that oscillates on this spring as fast as the slips or the
     #: oscillation; NaN if unresolved
@@ -269,10 +269,11 @@ class Kinematics(Answer):
                 f"{self.drop_variation:.2g}), every {wait} (CV "
                 f"{self.recurrence_variation:.2g})"
             )
-        lines.append(
-            f"at its full rate the force rises at {self.loading:.2g} of stiffness "
-            "times velocity (1 where it sticks)"
-        )
+        if math.isfinite(self.loading):
+            lines.append(
+                f"at its full rate the force rises at {self.loading:.2g} of stiffness "
+                "times velocity (1 where it sticks)"
+            )
         if math.isfinite(self.effective_mass):
             mass = engineering(1e3 * self.effective_mass, "g", 3)
             part = self.effective_mass / self.mass
@@ -336,7 +337,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     cycles = find_cycles(trace.t, pace)
     is_regular = found.size > FEWEST_CYCLES and of_waits < REGULAR
     if stuck >= HALF and swing >= HALF:
-        word = "sticks and slips"
+        word = "sticks and slips" if found.size else "sticks, and does not slip"
     elif swing < STEADY_DEVIATION:
         word = "moves evenly"
     elif cycles.periodic or is_regular:
