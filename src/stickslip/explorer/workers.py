@@ -124,38 +124,41 @@ class _Worker:
 
     def work(self, job: Job, reply: Reply, dropped: threading.Event) -> bool:
         """Do a job; return whether the worker can do another."""
-        deadline = time.monotonic() + job.seconds
-        stopping = 0.0
-        late = False
         try:
             self._line.send(job)
-            while True:  # endless: until the deadline of the job, and a grace
-                if self._line.poll(0.05):
-                    if (content := self._line.recv()) is None:
-                        return True
-                    if not dropped.is_set() and not late:
-                        reply(content)
-                now = time.monotonic()
-                if stopping:
-                    if now > stopping:
-                        return False
-                elif dropped.is_set() or now > deadline:
-                    late = not dropped.is_set()
-                    if late:
-                        reply(
-                            errors(
-                                f"given up after {job.seconds:g} s; take a shorter "
-                                "run, or fewer contacts"
-                            )
-                        )
-                    self._line.send(_STOP)
-                    stopping = now + GRACE
+            if self._pass_on(reply, job.seconds, dropped):
+                return True
+            if not dropped.is_set():
+                reply(
+                    errors(
+                        f"given up after {job.seconds:g} s; take a shorter run, or "
+                        "fewer contacts"
+                    )
+                )
+            self._line.send(_STOP)
+            return self._pass_on(_ignore, GRACE, threading.Event())
         except (EOFError, OSError):  # killed from outside, usually for its memory
             if not dropped.is_set():
                 reply(
                     errors("the computation was killed, most likely for lack of memory")
                 )
             return False
+
+    def _pass_on(self, reply: Reply, seconds: float, dropped: threading.Event) -> bool:
+        """Pass on each part of an answer; return whether the answer has ended, in these
+        seconds and before it was dropped.
+        """
+        deadline = time.monotonic() + seconds
+        # endless: until the deadline
+        while not dropped.is_set() and time.monotonic() < deadline:
+            if not self._line.poll(0.05):
+                continue
+            content = self._line.recv()
+            if content is None:
+                return True
+            if not dropped.is_set():
+                reply(content)
+        return False
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
@@ -165,6 +168,10 @@ class _Worker:
 
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["stickslip.explorer.warm"])
+
+
+def _ignore(content: Plain) -> None:
+    """Do nothing with a part of an answer for which nobody waits."""
 
 
 class _StoppedError(Exception):
