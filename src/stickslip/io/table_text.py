@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from statistics import mode
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -309,37 +310,30 @@ def read_text(
         if i in turns:  # the heading may contain the format hh:mm:ss instead of a unit
             headings[i] = Heading(headings[i].name or "time", "s")
         headings[i] = _with_unit_of_cells(headings[i], units[i], i)
-    quoted = '"' in "".join(sample)
+    repeated = _repeated(lines, start, above, fit, headings)
     begins = lines.begins[start:-1]
     no_rows = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
-    repeated = _repeated(lines, start, above, fit, headings)
     keep = ~np.isin(begins, [*no_rows, *lines.begins[repeated]])
+    quoted = '"' in "".join(sample)
+    return Table(
+        with_coefficients(headings),
+        fit.numeric,
+        _Rows(lines, start, fit, quoted, keep, units, turns).read,
+        np.flatnonzero(keep) + start + 1,
+        lambda row: lines.line(row - 1).strip(),
+        step_stated(above, layout.comma),
+        _left_out(fit, above, repeated),
+    )
 
-    def read(places: list[int]) -> dict[int, Array]:
-        cells = _cells(lines, start, [*places, fit.width], layout, quoted=quoted)
-        surplus = _is_surplus(cells.pop(fit.width), layout.comma)
-        numbers = {}
-        for i in places:
-            values = _as_numbers(cells.pop(i), units[i], layout.comma)
-            values[surplus] = math.inf
-            values = values[keep]
-            numbers[i] = _since_first(values, turns[i]) if i in turns else values
-        return numbers
 
+def _left_out(fit: _Fit, above: list[str], repeated: list[int]) -> tuple[str, ...]:
+    """Return notes of the lines above a table and in it that are left out."""
     notes = []
     if len(fit.numeric) > 1 and (others := sum(map(fit.is_full, above))):
         notes.append(f"rows of numbers above the table, left out: {others}")
     if repeated:
         notes.append(f"lines that repeat the head, left out: {len(repeated)}")
-    return Table(
-        with_coefficients(headings),
-        fit.numeric,
-        read,
-        np.flatnonzero(keep) + start + 1,
-        lambda row: lines.line(row - 1).strip(),
-        step_stated(above, layout.comma),
-        tuple(notes),
-    )
+    return tuple(notes)
 
 
 def _fitted(layout: _Layout, sample: list[str]) -> tuple[_Fit, list[tuple[str, ...]]]:
@@ -523,43 +517,71 @@ def _since_first(times: Array, turn: float) -> Array:
     return times
 
 
-def _cells(
-    lines: _Lines, start: int, columns: list[int], layout: _Layout, *, quoted: bool
-) -> pd.DataFrame:
-    """Return the cells of the given columns, one row for each line. The last column
-    holds the rest of each line, after the columns of the table.
-    """
-    import pandas as pd
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a table, whose columns are read when they are needed."""
 
-    rows: Any = memoryview(lines.raw)[lines.begins[start] :]
-    mark = layout.mark
-    if mark == _BEFORE_NUMBERS:
-        rows = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows)
-        mark = "\t"
-    width = columns[-1]
-    full = mark.join("0" * (width + 1)) + "\n"  # a row with all columns, dropped below
-    count = lines.total - start
-    with suppress(pd.errors.ParserError):
-        cells = pd.read_csv(
-            io.BytesIO(b"".join([full.encode(), rows])),
-            sep=r"\s+" if mark == _BLANKS else mark,
-            decimal="," if layout.comma else ".",
-            header=None,
-            names=range(width + 1),
-            usecols=columns,
-            dtype={width: "category"},
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
-            # read at once, as pandas otherwise warns of texts among the numbers
-            low_memory=False,
-        )[1:]
-        if len(cells) == count:
-            return cells
-    raise InputError(
-        f"{count} lines do not make {count} rows: a quotation mark is not closed, or a "
-        "row is cut off"
-    )
+    lines: _Lines
+    start: int  # number of the first row
+    fit: _Fit
+    quoted: bool  # whether cells may stand in quotation marks
+    keep: NDArray[np.bool_]  # which lines from `start` on are rows
+    units: dict[int, str]  # that the cells of each column of numbers have
+    turns: dict[int, float]  # at which the times of day of a column start again
+
+    def read(self, places: list[int]) -> dict[int, Array]:
+        """Return the numbers of some columns, with infinity for what is no number."""
+        comma = self.fit.layout.comma
+        cells = self._cells([*places, self.fit.width])
+        surplus = _is_surplus(cells.pop(self.fit.width), comma)
+        numbers = {}
+        for i in places:
+            values = _as_numbers(cells.pop(i), self.units[i], comma)
+            values[surplus] = math.inf
+            values = values[self.keep]
+            turn = self.turns.get(i)
+            numbers[i] = values if turn is None else _since_first(values, turn)
+        return numbers
+
+    def _cells(self, columns: list[int]) -> pd.DataFrame:
+        """Return the cells of the given columns, one row for each line. The last column
+        holds the rest of each line, after the columns of the table.
+        """
+        import pandas as pd
+
+        lines = self.lines
+        layout = self.fit.layout
+        rows: Any = memoryview(lines.raw)[lines.begins[self.start] :]
+        mark = layout.mark
+        if mark == _BEFORE_NUMBERS:
+            rows = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows)
+            mark = "\t"
+        width = columns[-1]
+        full = (
+            mark.join("0" * (width + 1)) + "\n"
+        )  # a row with all columns, dropped below
+        count = lines.total - self.start
+        with suppress(pd.errors.ParserError):
+            cells = pd.read_csv(
+                io.BytesIO(b"".join([full.encode(), rows])),
+                sep=r"\s+" if mark == _BLANKS else mark,
+                decimal="," if layout.comma else ".",
+                header=None,
+                names=range(width + 1),
+                usecols=columns,
+                dtype={width: "category"},
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
+                # read at once, as pandas otherwise warns of texts among the numbers
+                low_memory=False,
+            )[1:]
+            if len(cells) == count:
+                return cells
+        raise InputError(
+            f"{count} lines do not make {count} rows: a quotation mark is not closed, "
+            "or a row is cut off"
+        )
 
 
 def _no_reading(texts: list[str]) -> set[str]:
