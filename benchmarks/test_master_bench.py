@@ -60,7 +60,7 @@ def test_master_equation(benchmark, rtol, error, promised):
     benchmark.extra_info.update(
         role="fast", promised=promised, what=f"master equation, error below {error:g}"
     )
-    run = benchmark.pedantic(master, (rtol,), rounds=10)
+    run = benchmark.pedantic(master, (rtol,), rounds=40)
     assert np.sqrt(np.mean((run["spring_force"].to_numpy() - EXACT) ** 2)) < error
 
 
