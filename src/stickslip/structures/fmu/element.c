@@ -50,7 +50,7 @@ static double quantile(int kind, double p)
         else
             high = middle;
     }
-    double u = (p - EDGES[low]) * PIECES[low][0];
+    double u = (p - EDGES[low]) * PIECES[low][0] - 1.0;
     double total = PIECES[low][8];
     for (int k = 7; k > 0; k--)
         total = total * u + PIECES[low][k];
