@@ -211,8 +211,10 @@ that is small, and grows: undecided | grows=True
     wave(size=0.003, growth=0.02)
 that decays slowly: undecided | grows=False
     wave(growth=-0.005, size=0.12)
-that decays from much: undecided | grows=False
-    wave(growth=-0.1)
+that decays from much: undecided | says="a longer record would decide"
+    alone(30.0, 0.01, "3 + tone(2, t) * np.exp(-t / 15)")
+and for longer: smooth sliding
+    alone(180.0, 0.01, "3 + tone(2, t) * np.exp(-t / 15)")
 that decays, not small: undecided | grows=False
     wave(growth=-0.02, size=0.027, mean=0.1)
 that decays, small: smooth sliding | grows=False
@@ -257,7 +259,7 @@ a rise: undecided | says="stiffness and velocity"
     alone(100.0, 0.05, "0.1 * t")
 in coarse steps: undecided | says="a finer record would decide"
     alone(60.0, 0.01, "0.4 * np.round(10 + slow(t.size) / 3)")
-stuck all the time: undecided | says="a longer record would decide"
+stuck all the time: undecided | says="a longer run would decide"
     with_motion(np.arange(0.0, 9.0, 0.01), np.arange(1.0, 19.0, 0.02))
 a constant: undecided | says="sensor"
     alone(100.0, 0.05, "3.0 + 0 * t")

@@ -47,7 +47,7 @@ def decide(seen: Window) -> tuple[Kind, str]:
         noise = f"no more than the noise of {contacts} contacts"
         return SMOOTH, f"{_fluctuation(seen)}: {noise}"
     if reason := _changes(seen):
-        return OPEN, reason
+        return OPEN, f"{reason}: {_longer(seen)}"
     if seen.is_stick_slip and not seen.slips_throughout:
         return OPEN, (
             "drops as fast as slips in a part of the window only: judge each part by "
@@ -134,7 +134,7 @@ def _missing(seen: Window) -> str:
     if not stands_out:
         return (
             f"the force changes by {size} in the window, without a series of slips or "
-            "cycles: a longer record would decide"
+            f"cycles: {_longer(seen)}"
         )
     way = "rises" if trace.rise > 0 else "falls"
     size = words.engineering(abs(trace.rise), trace.force_unit, 3)
@@ -142,7 +142,7 @@ def _missing(seen: Window) -> str:
         f"the force still {way}, by {size} in the window, and shows no complete slip"
     )
     if trace.pace is not None:
-        return f"{shown}: a longer record would decide"
+        return f"{shown}: {_longer(seen)}"
     return f"{shown}: a held slider, or a drift; stiffness and velocity would decide"
 
 
@@ -190,10 +190,10 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
         if deviation < STEADY_DEVIATION:
             return SMOOTH, f"the slider moves evenly ({rms})"
         by = f"its {seen.trace.contacts or ''} contacts".replace("  ", " ")
-        return (
-            OPEN,
-            f"the slider moves unevenly ({rms}), by itself, or shaken by {by}",
-        )
+        reason = f"the slider moves unevenly ({rms}), by itself, or shaken by {by}"
+        if not seen.trace.measured:
+            reason += ": a run with more contacts would decide"
+        return OPEN, reason
     # correlation that the noise of the sensor leaves of that of a periodic force
     left = PERIODIC * max(1.0 - (seen.slips.noise / seen.scatter) ** 2, 0.0)
     repeats = seen.correlation - WHITE / math.sqrt(seen.trace.residual.size) > left
@@ -217,8 +217,14 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
         )
     return OPEN, (
         f"irregular oscillation of {_percent(seen.part)}, neither slips nor "
-        f"noise; {_how_fast(seen)}"
+        f"noise; {_how_fast(seen)}: stiffness and velocity would show whether the "
+        "slider sticks"
     )
+
+
+def _longer(seen: Window) -> str:
+    """Return the remedy for a window that is too short."""
+    return f"a longer {'record' if seen.trace.measured else 'run'} would decide"
 
 
 def _hidden(seen: Window) -> str:
