@@ -500,7 +500,7 @@ def oscillates(name: str) -> Iterator[bool | None]:
             if key in _SET and not item.default
         ):
             value = there.value(parameter) * WIDEST ** (side * rng.uniform(-1.0, 1.0))
-            there = there.replace(
+            there = there.with_values(
                 **{parameter: min(value, _WIDEST) if parameter == "std" else value}
             )
         there = at(there, "velocity", there.velocity)
