@@ -229,16 +229,14 @@ a beat: - | periodic=False
     alone(40.0, 0.01, "3.0 + tone(0.5, t) + tone(0.5, 1.1 * t)")
 a tiny sine in noise: smooth sliding | says="1.59 %"
     alone(40.0, 0.01, "3 + tone(0.024, t)", 3e-3)
-a small one: sustained oscillation | periodic=True
-    alone(40.0, 0.01, "3 + tone(0.036, t)", 3e-3)
+a small one, with a spark: sustained oscillation | periodic=True
+    alone(40.0, 0.01, "3 + tone(0.036, t) + 900 * np.isclose(t, 20)", 3e-3)
 noise as large: undecided | says="record more often"
     alone(100.0, 0.02, "5 + tone(0.1, t)", 0.1)
 slips of 12 samples: undecided | says="record more often"
     bench(samples=12, noise=0.2)[0]
 slips below noise: stick-slip | periodic=True
     alone(20.0, 0.01, "5.0 + 0.8 * (t / 2 % 1)", 0.2, 3)
-noise that masks: undecided | says="record more often"
-    alone(20.0, 0.01, "5.0 + 0 * t", 1.5, 3)
 slips in noise: undecided | says="record more often"
     alone(40.0, 0.02, "8 + (t + 0.3 * np.sin(0.7 * t)) % 1", 0.4, 5)
 too few samples: undecided | says="record more often"
@@ -285,8 +283,6 @@ through zero: stick-slip | note=""
     trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1))
 saturated: stick-slip | note="flat at 5.7"
     bench(noise=0.01, samples=100)[0].clip(max=5.7)
-rounded: stick-slip | note=""
-    (bench(samples=100)[0] / 0.05).round() * 0.05
 in thirds of a drop: stick-slip | note=""
     (bench(samples=100)[0] * 3).round() / 3
 mirrored: undecided | says="flip=True"
@@ -307,6 +303,8 @@ with rests: stick-slip | half_width=5.45
     to_and_fro(stroke_of_slips, displacement=True, rest=8.0)
 strokes with peaks: smooth sliding | says="by all strokes together"
     to_and_fro(lambda s: 5 + 2 * np.exp(-s) + 0.02 * white(s.size))
+strokes of one reading: undecided | says="recorded in steps of 0.2"
+    to_and_fro(lambda s: np.minimum(np.round(s * 5), 15) / 5)
 on a wavy path: smooth sliding | says="changes along the way"
     to_and_fro(lambda s: 5 + 0.2 * np.cos(5 * (s - 5)) + 0.02 * white(s.size))
 strokes that slow down: stick-slip | says="by all strokes together"
@@ -322,7 +320,7 @@ slips that stop: undecided | parts=["stick-slip", "smooth sliding"]
 that stop late: undecided | parts=["stick-slip", "smooth sliding"]
     stops(35.0, 0.0)
 that become a sine: - | end=35.3
-    alone(50, 0.01, "2 + np.where(t < 35.3, t % 1, 0.5 + tone(0.5, t))", 0.02, 5)
+    alone(50, 0.01, "2 + np.where(t < 35.3, t % 1, 0.5 + tone(0.5, 2 * t))", 0.02, 5)
 smaller ones: stick-slip | parts=["stick-slip", "stick-slip"]
     alone(60.0, 0.01, "2 + np.where(t < 30, 1, 0.4) * (t % 1)", 0.01)
 that hum: stick-slip | drop=1.0
@@ -347,8 +345,10 @@ a sine and a half: undecided | says="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 a start that rings: smooth sliding | says="decays until"
     alone(60.0, 0.01, "4 - 4 * np.exp(-t / 3) * np.cos(6 * t)", 0.01)
-that overshoots: smooth sliding | cycles=0
-    alone(60.0, 0.01, "4 - 4 * np.exp(-t) * np.cos(3 * t)", 0.01)
+that falls: smooth sliding | begin=25.0
+    alone(50.0, 0.02, "4 + np.exp(-t)", 0.016)
+that rings long: smooth sliding | says="the amplitude decays"
+    alone(60.0, 0.01, "4 + 1.5 * np.exp(-t / 20) * np.cos(6.28 * t)", 0.02)
 on a drift: smooth sliding | cycles=0
     alone(60.0, 0.01, "np.minimum(t, 3.0 + t / 3000)", 0.001)
 slips after a noisy rise: stick-slip | parts=[]

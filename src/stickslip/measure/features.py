@@ -15,6 +15,7 @@ from scipy.special import stdtrit
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.kinematics import rms_velocity_deviation
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, regularity
+from stickslip.measure.sensor import ROUNDING
 from stickslip.measure.slips import (
     FEWEST_IN_A_DROP,
     SLIP_VELOCITY,
@@ -59,7 +60,6 @@ CLIMBS = 0.5
 ONE_RATE = 0.25  # largest relative scatter of a loading rate that is constant
 ONE_IN_TWENTY = 0.05  # error probability of one-sided tests ...
 ONE_SIDED = 1.645  # ... and their number of standard errors
-ROUNDING = 1e-9  # of the largest force: noise below this is rounding
 # Slow waves are removed by windows of a fourth, an eighth, or a sixteenth of a record.
 WAVES = (4, 8, 16)
 _PART_OF_LAGS = 32  # changes over up to this fraction of a window show skewness
@@ -241,7 +241,7 @@ class Window:
     @cached_property
     def swing(self) -> Feature:
         """Peak to peak over the largest force: of a level measured force without its
-        drift, of a periodic one without its noise.
+        drift, of a periodic one without its noise; at least a step of the record.
         """
         trace = self.trace
         force = trace.force
@@ -253,7 +253,7 @@ class Window:
             variance = max(float(force.var()) - self.slips.noise**2, 0.0)
             swing = min(swing, 2.0 * math.sqrt(2.0 * variance))
         return Feature(
-            swing / self.largest,
+            max(swing, trace.reading_step) / self.largest,
             2.0 * self.slips.noise / self.largest,
         )
 

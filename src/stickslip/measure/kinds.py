@@ -10,6 +10,7 @@ import numpy as np
 from stickslip import words
 from stickslip.measure.features import (
     CLIMBS,
+    LASTING,
     NORMAL,
     ONE_SIDED,
     SLIP_PHASE,
@@ -17,7 +18,6 @@ from stickslip.measure.features import (
     Window,
 )
 from stickslip.measure.periods import PERIODIC
-from stickslip.measure.sensor import resolution
 from stickslip.measure.slips import WHITE
 from stickslip.measure.strokes import are_to_and_fro
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, STEADY_DEVIATION, STUCK_TIME
@@ -94,8 +94,10 @@ def _still(seen: Window) -> str:
     hides_little = seen.hidden <= SMALL
     if not (seen.is_level and (masked or (white and hides_little))):
         return ""
+    if np.ptp(seen.trace.force) < 1.5 * seen.trace.reading_step:
+        return ""  # two neighbouring readings hide what happens between them
     if seen.slips.size == 0:
-        return f"the force shows noise only, {_percent(seen.swing.value)}"
+        return f"the force shows noise only, {_percent(_noise(seen))}"
     few = seen.trace.measured and seen.count < FEWEST_CYCLES
     if few and not seen.shows_cycles:
         noise = _percent(seen.slips.noise / seen.largest)
@@ -113,10 +115,10 @@ def _missing(seen: Window) -> str:
         return ""
     size = words.engineering(float(np.ptp(trace.force)), trace.force_unit, 3)
     # compared with the peak to peak of a sawtooth of this scatter
-    stands_out = abs(trace.rise) > math.sqrt(12.0) * seen.scatter
-    step = resolution(trace.force)
-    if seen.scatter < step and not stands_out:
-        steps = words.engineering(step, trace.force_unit, 3)
+    sawtooth = math.sqrt(12.0) * seen.scatter
+    stands_out = abs(trace.rise) > max(sawtooth, trace.reading_step)
+    if seen.scatter < trace.reading_step and not stands_out:
+        steps = words.engineering(trace.reading_step, trace.force_unit, 3)
         return (
             f"the force changes by {size} in the window, and was recorded in steps of "
             f"{steps}: a finer record would decide"
@@ -204,7 +206,9 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     fast = seen.slips.slip_phase(seen.trace) <= SLIP_PHASE and not rare
     dips = fast or seen.climbs
     normal = seen.kurtosis.value >= NORMAL and seen.is_narrow
-    as_noise = normal and not seen.is_even and not seen.hides_slips
+    # ... and keeps its size, if not exactly
+    fades = seen.change.value < -LASTING
+    as_noise = normal and not seen.is_even and not seen.hides_slips and not fades
     if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
     if seen.is_mostly_noise:
@@ -228,8 +232,13 @@ def _longer(seen: Window) -> str:
 
 
 def _hidden(seen: Window) -> str:
-    noise = _percent(float(np.ptp(seen.trace.residual)) / seen.largest)
+    noise = _percent(_noise(seen))
     return f"noise of {noise} hides any oscillation, and slips: record more often"
+
+
+def _noise(seen: Window) -> float:
+    """Return the force without its drift, peak to peak, over the largest force."""
+    return float(np.ptp(seen.trace.residual)) / seen.largest
 
 
 def _percent(part: float) -> str:

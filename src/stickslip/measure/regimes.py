@@ -306,7 +306,8 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     if trace.measured and "spikes" not in data.attrs:
         good = ~spikes(trace.force)
         force = np.interp(trace.t, trace.t[good], trace.force[good])
-        trace = replace(trace, force=force)
+        largest = float(np.max(np.abs(force)))
+        trace = replace(trace, force=force, largest=largest)
     if after is not None:
         end = trace.t[-1]
         begin = number("after", after, hint="a time, in the unit of t")
@@ -429,16 +430,22 @@ def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[
 
 
 def _judge_strokes(strokes: Sequence[Trace], friction: float) -> list[Regime]:
-    """Judge each stroke by itself, and undecided ones by all strokes together: by
-    slips, or by noise beside the changes of friction along the way.
+    """Judge each stroke by itself, and undecided ones by all strokes together, without
+    those that the record cuts off: by slips, or by noise beside the changes of friction
+    along the way.
     """
     parts = [_judge_stroke(stroke) for stroke in strokes]
     if all(each.kind != OPEN for each in parts):
         return parts
-    together = _judge(Window.of(join_strokes(strokes, friction)))
+    usual = np.median([stroke.length for stroke in strokes])
+    whole = [stroke for stroke in strokes if stroke.length > MOST * usual]
+    window = Window.of(join_strokes(whole, friction))
+    together = _judge(window)
     reason = f"by all strokes together, {together.reason}"
     if together.kind not in (SLIPS, SMOOTH):
-        level = without_path(strokes)
+        if window.falls_fast or any(each.kind == SLIPS for each in parts):
+            return parts
+        level = without_path(whole)
         together = _judge(Window.of(join_strokes(level, friction)))
         reason = (
             "by all strokes together, friction changes along the way; beside that "
@@ -509,29 +516,38 @@ def _judge_settled(loaded: Window) -> list[Regime]:
 
 
 def _skip_transient(seen: Window, latest: float) -> Window:
-    """Return the window after the first few drops, or after a decaying oscillation, if
-    the force then settles before the time `latest`: what follows is half as large.
-    Return the same window if it does not.
+    """Return the window after the first few drops, a decaying oscillation or a fall to
+    a steady force, if the force then settles before the time `latest`: what follows is
+    half as large. Return the same window if it does not.
     """
     trace = seen.trace
     found = seen.slips
     drops = found.drops[trace.t[found.end] <= latest]
     if not drops.size:
-        return seen
+        falls = found.cut and trace.t[0] < latest
+        later = trace.part(latest)
+        return _settled(later, float(np.ptp(trace.force))) or seen if falls else seen
     small = drops < CLIMBS * drops[0]
     count = int(np.argmax(small)) if small.any() else drops.size
     shrinks = np.all(np.diff(drops[: count + 1]) <= ERRORS * found.noise)
-    if count >= FEWEST_CYCLES and not (shrinks and small.any()):
+    times = found.times[: drops.size]
+    fade = small.any() or trace.t[-1] - times[-1] > np.ptp(times)
+    if count >= FEWEST_CYCLES and not (shrinks and fade):
         return seen
     rest = trace.part(trace.t[found.end[count - 1]])
     begin = rest.t[_first_usual(rest)]
     if begin > latest or rest.part(begin).t.size < FEWEST_READINGS:
         return seen
-    settled = Window.of(rest.part(begin))
-    variance = settled.trace.without_line.var() - settled.slips.noise**2
-    # as a sawtooth, peak to peak
-    is_over = 12.0 * variance < (CLIMBS * drops[0]) ** 2
-    return settled if is_over else seen
+    return _settled(rest.part(begin), float(drops[0])) or seen
+
+
+def _settled(later: Trace, size: float) -> Window | None:
+    """Return the window of a later part of a trace, if its scatter is that of a
+    sawtooth less than half of a size; else None.
+    """
+    window = Window.of(later)
+    variance = window.trace.without_line.var() - window.slips.noise**2
+    return window if 12.0 * variance < (CLIMBS * size) ** 2 else None
 
 
 def _drift_rate(trace: Trace) -> float:
@@ -742,7 +758,7 @@ def _find_fault(trace: Trace, seen: Window) -> str:
     if trace.rig is not None and trace.rig.drive.force:
         return _driven_by_force(trace)
     if trace.measured:
-        if not np.any(trace.force != trace.largest):
+        if not trace.reading_step and not np.any(trace.force != trace.largest):
             return "the force never changes: is the sensor connected?"
         if not seen.are_slips and seen.reversed.is_stick_slip:
             return FALLS_SLOWLY

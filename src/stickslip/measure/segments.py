@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.special import stdtrit
 
-from stickslip.measure.features import STEADY, TINY, longest_wait
+from stickslip.measure.features import MOST, STEADY, TINY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
     CHANCE,
@@ -184,16 +184,19 @@ def _error(part: Array) -> Array:
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
     """Return the times at which a series of drops of a measured force ends and at which
-    the next begins: where a wait is longer than expected by chance.
+    the next begins: where a wait is longer than expected by chance. A series whose last
+    drops are less than half of the typical one fades rather than ends.
     """
     waits = found.waits
     if not trace.measured or waits.size < FEWEST_CYCLES:
         return []
     usual = weighted_median(waits, waits)
+    full = found.typical(found.drops)
     all_waits = np.diff([trace.t[0], *found.times, trace.t[-1]])
     times = list[float]()
     for i in np.flatnonzero(all_waits > longest_wait(waits)).tolist():
-        if i > 0:
+        last = found.drops[max(i - FEWEST_CYCLES, 0) : i]
+        if i > 0 and np.median(last) >= MOST * full:
             times.append(trace.t[found.end[i - 1]])
         if i < found.size:
             times.append(found.times[i] - usual)

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
-from stickslip.measure.trace import FEWEST_READINGS, Array
+from stickslip.arrays import Array
+from stickslip.io.table_text import FEWEST_READINGS
 
+ROUNDING = 1e-9  # of the largest force: what is below this is rounding
 SIGMAS = 6.0  # a sample more standard deviations off than this is not noise
 Mask = NDArray[np.bool_]
 FEW = 0.05  # largest fraction of the samples that may be faults of the sensor
@@ -44,12 +46,16 @@ def _bends(force: Array) -> Array:
 
 
 def resolution(force: Array) -> float:
-    """Return the step of the values of a recorded force, which a few interpolated
-    samples do not change; 0 if the values do not repeat.
+    """Return the step of the values of a recorded force: the least between values that
+    occur again, as interpolated ones do not; 0 if the values do not repeat.
     """
-    values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
-    coarse = 1 < values.size <= force.size // 2
-    return float(np.median(np.diff(values))) if coarse else 0.0
+    force = force[:: max(1, force.size // _FOR_RESOLUTION)]
+    values, counts = np.unique(force, return_counts=True)
+    again = values[counts > 1]
+    if again.size < 2 or values.size > force.size // 2:
+        return 0.0
+    steps = np.diff(again)
+    return float(steps[steps > ROUNDING * np.ptp(again)].min())
 
 
 def note_saturation(force: Array) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
 from stickslip.measure.periods import Cycles, find_cycles
-from stickslip.measure.sensor import resolution, white_noise
+from stickslip.measure.sensor import white_noise
 from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope
 
 Peaks = NDArray[np.intp]
@@ -179,7 +179,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         if trace.measured:
             force, chance = _smoothed(force, noise)
         largest = float(np.max(np.abs(force)))
-        chance = max(chance, 2.5 * resolution(trace.force), 1e-7 * largest, 1e-300)
+        chance = max(chance, 2.5 * trace.reading_step, 1e-7 * largest, 1e-300)
         drops, typical = _typical_drop(force, chance)
         smallest = least = max(chance, SMALLEST_PART_OF_DROP * typical)
         more = WHITE / math.sqrt(size)
@@ -286,9 +286,10 @@ def pick(
     A rise is ringing if it is smaller than the drop before it, and if the slider's
     swing back makes more of it than the travel of the drive, by `back`, its backward
     displacement minus that travel. Without `back`, it is ringing if it is smaller than
-    the drop, twice as fast as the force usually rises, and takes at most twice the
-    samples of the drop, as far as these resolve it. Ringing decays: a drop of twice the
-    one before it is another slip.
+    the drop, twice as fast as the force usually rises, takes at most twice the samples
+    of the drop, as far as these resolve it, and if loading follows, which takes twice
+    as long: in an oscillation that decays the first rises are the fastest, too. Ringing
+    decays: a drop of twice the one before it is another slip.
     """
     peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
@@ -302,6 +303,9 @@ def pick(
         swings = rises > RINGING * weighted_median(rises / took, took) * took
         fell = np.maximum(troughs - peaks, FEWEST_IN_A_DROP)[:-1]
         swings &= ends - begins <= RINGING * fell
+        loading = np.append(np.flatnonzero(~swings), took.size)
+        next_one = loading[np.searchsorted(loading, np.arange(took.size))]
+        swings &= np.append(took, math.inf)[next_one] >= RINGING * took
     else:
         swings = back[ends] >= back[begins]
     swings &= drops[1:] < RINGING * drops[:-1]

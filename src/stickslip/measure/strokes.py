@@ -126,6 +126,7 @@ def join_strokes(strokes: Sequence[Trace], friction: float) -> Trace:
         force=force,
         sign=strokes[0].sign,
         largest=max(stroke.largest for stroke in strokes),
+        reading_step=strokes[0].reading_step,
         part_number=np.repeat(np.arange(len(sizes), dtype=float), sizes),
         measured=True,
         time_unit=strokes[0].time_unit,

@@ -19,6 +19,7 @@ from stickslip.arrays import Array as Array
 from stickslip.arrays import Range, units_of
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.io.table_text import FEWEST_READINGS as FEWEST_READINGS
+from stickslip.measure.sensor import resolution
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 
@@ -146,6 +147,7 @@ class Trace:
     # largest force in all of the data: the static friction, if they hold a slip or the
     # first loading
     largest: float
+    reading_step: float = 0.0  # of the values that a sensor records, in all of the data
     X: Array | None = None
     velocity: Array | None = None
     drive: Array | None = None
@@ -215,6 +217,7 @@ class Trace:
             **arrays,
             sign=sign,
             largest=float(np.max(np.abs(force))),
+            reading_step=resolution(force) if measured else 0.0,
             rig=rig,
             contacts=None
             if contacts is None
