@@ -44,6 +44,11 @@ NODE = radau(NODES)
 # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
 INTEGRAL = integrals(NODE)
 POWERS = powers(NODE)
+# eigenvalues and -vectors of the collocation, in which it solves ``U' = source - q U``
+# by eight divisions
+PACE, VECTORS = np.linalg.eig(INTEGRAL.astype(complex))
+INVERSE = np.linalg.inv(VECTORS)
+UNIT = INVERSE.sum(axis=1)
 
 
 class Lifetimes(NamedTuple):
@@ -361,6 +366,54 @@ def _relaxed(lifetimes: Lifetimes, k: int, q: complex, start: complex) -> Comple
     return value
 
 
+class _Undecayed(NamedTuple):
+    """The solution of ``U' = source - q U`` in panels, in eigenvectors of the
+    collocation: what the `source` feeds into each, shape (p, 8), and what each adds to
+    the breaks and to their stretching.
+    """
+
+    fed: Complexes
+    breaks: Complexes
+    yields: Complexes
+
+
+@jit
+def _undecayed(lifetimes: Lifetimes) -> _Undecayed:
+    """Return what the panels' solutions without decay have in common for all `q`."""
+    shape = lifetimes.width.size, NODES
+    fed = np.zeros(shape, np.complex128)
+    breaks = np.zeros(shape, np.complex128)
+    yields = np.zeros(shape, np.complex128)
+    for k in range(lifetimes.width.size):
+        for n in range(NODES):
+            for j in range(NODES):
+                i = k * NODES + j
+                caused = lifetimes.weight[i] * lifetimes.push[i] * VECTORS[j, n]
+                fed[k, n] += INVERSE[n, j] * lifetimes.source[i]
+                breaks[k, n] += caused
+                yields[k, n] += lifetimes.x[i] * caused
+            fed[k, n] *= lifetimes.width[k] * PACE[n]
+    return _Undecayed(fed, breaks, yields)
+
+
+@jit
+def _caused(
+    panels: _Undecayed, k: int, z: complex, start: complex
+) -> tuple[complex, complex, complex]:
+    """Return the breaks that `U` causes in a panel without decay, their stretching,
+    and `U` at its end.
+    """
+    breaks = 0.0j
+    yields = 0.0j
+    end = 0.0j
+    for n in range(NODES):
+        u = (start * UNIT[n] + panels.fed[k, n]) / (1.0 + z * PACE[n])
+        breaks += panels.breaks[k, n] * u
+        yields += panels.yields[k, n] * u
+        end += VECTORS[NODES - 1, n] * u
+    return breaks, yields, end
+
+
 @jit
 def _oscillating(
     lifetimes: Lifetimes,
@@ -443,6 +496,8 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
     value = np.empty(NODES, np.complex128)
     turn = np.empty(NODES, np.complex128)
     thermal = bool(np.any(lifetimes.push != 0.0))
+    decays = thermal and bool(np.any(lifetimes.decay != 0.0))
+    undecayed = _undecayed(lifetimes)
     for m, here in enumerate(q):
         size = abs(here)
         start = 0.0j
@@ -460,16 +515,21 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
             if size * h > _RESOLVED:
                 # the turns at its end are left out with an error of a panel's order
                 fades = fast and size * h > 2.0 * _RESOLVED
-                more = _oscillating(lifetimes, k, here, start, left, fades)
-                found[:, m] += more[:4]
-                start = more[4]
-                left = more[5]
+                turned = _oscillating(lifetimes, k, here, start, left, fades)
+                found[:, m] += turned[:4]
+                start = turned[4]
+                left = turned[5]
                 continue
             for j in range(NODES):
                 turn[j] = np.exp(-here * h * NODE[j])
-            if thermal:
+            if decays:
                 value = _relaxed(lifetimes, k, here, start)
                 start = value[NODES - 1]
+            elif thermal:
+                more = _caused(undecayed, k, here * h, start)
+                breaks += more[0]
+                yields += more[1]
+                start = more[2]
             for i in range(at, at + NODES):
                 x = lifetimes.x[i]
                 weight = lifetimes.weight[i]
@@ -480,8 +540,9 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                 lost += weight * lifetimes.survival[i] * gone
                 work += weight * lifetimes.survival[i] * x * (1.0 - gone)
                 caused = lifetimes.meet[i] * gone
-                if thermal:
+                if decays:
                     caused += lifetimes.push[i] * value[i - at]
+                if thermal:
                     caused -= lifetimes.drop[i] * (1.0 - gone)
                 breaks += weight * caused
                 yields += weight * x * caused

@@ -128,8 +128,8 @@ def growth_rate(rig: Rig) -> complex:
 
     Notes
     -----
-    With thresholds that age growing modes are confirmed by their count; a negative real
-    part is that of the mode nearest to the axis among those found.
+    With thresholds that age by `Langevin` growing modes are confirmed by their count; a
+    negative real part is that of the mode nearest to the axis among those found.
     """
     return roots.rightmost(smooth_sliding(rig)) * rig.unit("1/time")
 

@@ -122,7 +122,7 @@ def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
     """
     if growing:
         return (0.0, 0.3, 1.0, 3.0, 0.1)
-    if not response.certain:
+    if not response.has_denominator:
         return (0.0,)
     return (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
 
@@ -274,7 +274,7 @@ def is_rightmost(
     """
     if roots.size == 0 or growing != with_partners(roots[roots.real > 0]):
         return False
-    if growing or not sliding.response.certain:
+    if growing or not sliding.response.has_denominator:
         return True
     cycle, _, _, _, limit = sliding.scales
     best = float(roots[0].real)
@@ -335,7 +335,9 @@ def _followed_line(
     own = natural_frequencies(sliding.body)
     scales = sliding.scales
     unit = 1.0 / scales.memory
-    fine_top = max(scales.fastest, 10 * unit)
+    fine_top = 10 * unit
+    if math.isfinite(scales.fastest):
+        fine_top = max(fine_top, scales.fastest)
     top = max(
         fine_top,
         2.0
