@@ -206,11 +206,13 @@ def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
     springs = {"coupling": 3.0, "mass": 1.0, "damping": 1.0, "leaf": 0.5}
     springs |= {"side": side, "ends": ends}
     sheet = ss.model.Sheet(along=5, across=4, shear=2.0, **springs)
-    for body in (*(ss.Chain(blocks=n, **springs) for n in (1, 2, 8)), sheet):
+    for body in (*(ss.Chain(blocks=n, **springs) for n in (1, 2, 8, 60)), sheet):
         rig = replace(sliding(blocks=1, coupling=1.0, leaf=1.0), slider=body)
-        exact = np.linalg.eigvalsh(np.diag(body.pulled) + springs_between(body))[:11]
-        stiffness = elastic.modes(rig, count=exact.size).stiffness.values
-        assert stiffness == pytest.approx(exact, rel=1e-9)
+        exact, shape = np.linalg.eigh(np.diag(body.pulled) + springs_between(body))
+        bulk = (exact - body.pulled @ shape**2)[:11]
+        found = elastic.modes(rig, count=bulk.size)
+        assert found.stiffness.values == pytest.approx(exact[:11], rel=1e-9)
+        assert found.coupling.values == pytest.approx(bulk, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -496,6 +498,34 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds(predicted):
     assert_kept(found.text(details=True), "waves_told")
 
 
+def test_growing_modes_beyond_the_softest_are_counted_and_shown():
+    """The fastest, and those that alone grow at some speed, are not among the softest;
+    what the budget does not allow is not called stable.
+    """
+    body = {"mass": 0.05, "damping": 0.3, "leaf": 0.05}
+    rig = sliding(blocks=70, coupling=2.0, **body)
+    rig = replace(rig, drive=ss.constant(2.0))
+    found = ss.predict(rig, fast=True)
+    table = elastic.modes(rig, count=70)
+    fastest = table.isel(mode=int(table["growth"].argmax("mode")))
+    (named,) = (wave for wave in found.waves if wave.name == found.fastest)
+    assert (found.growing, found.complete) == (int((table["growth"] > 0).sum()), True)
+    assert found.growing > 64
+    assert named.wavelength == fastest["wavelength"] < 5.0
+    assert named.growth == pytest.approx(float(fastest["growth"]))
+    ((_, last),) = found.speeds
+    assert max(end for wave in found.waves[:5] for _, end in wave.speeds) < 0.92 * last
+    for factor, grows in ((0.999, True), (1.05, False)):
+        there = replace(rig, drive=ss.constant(factor * last))
+        assert (elastic.modes(there, count=70)["growth"].max() > 0) == grows
+    viscous = replace(rig, slider=replace(rig.slider, viscosity=1e-3))
+    found = ss.predict(viscous, fast=True)
+    assert "; 64 growing modes of the 64 softest, fastest: wave" in found.verdict
+    assert "Left out: the speeds at which other waves grow; --thorough" in str(found)
+    assert {band.kind for band in found.bands} == {"unstable", "unknown"}
+    assert found.bands[-1].high == found.speeds_searched[1]
+
+
 def test_a_bar_of_which_no_wave_grows_says_so():
     found = ss.predict(replace(BAR, drive=ss.constant(2000.0)))
     assert found.growing == 0
@@ -504,6 +534,11 @@ def test_a_bar_of_which_no_wave_grows_says_so():
     at_once = ss.predict(replace(BAR, interface=contacts))
     assert at_once.verdict.startswith("undecided: without delay or ageing")
     assert at_once.plot().axes
+    rigid = replace(BAR, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426))
+    rigid = replace(rigid, interface=sliding(blocks=1, coupling=1.0).interface)
+    spring = ss.stability.critical_spring(replace(rigid, drive=ss.constant(1.5)))
+    neutral = ss.predict(sliding(blocks=8, coupling=1.0, leaf=spring), fast=True)
+    assert "a mode is on its stability boundary" in neutral.verdict
 
 
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):

@@ -69,14 +69,14 @@ def rig(velocity=1.0, *, on=INTERFACE, body=None, **changes):
 KNOWN = {"stiffness": SLIDER.stiffness, "mass": SLIDER.mass, "damping": SLIDER.damping}
 
 
-def by_hand(s, *, velocity, delay=0.1, std=0.1, **changes):
+def by_hand(s, *, velocity, delay=0.1, std=0.1, force=0.0, **changes):
     """Z + kappa for a narrow Gaussian, whose cut at 0 is negligible, as printed."""
     stiffness, mass, damping = (KNOWN | changes).values()
     q = s / velocity
     transform = np.exp(-q + 0.5 * (q * std) ** 2)
     slope = (-1 + q * std**2) * transform
     h = (1 - transform) / q**2 + slope / q
-    kappa = -q * h * (1 - np.exp(-s * delay))
+    kappa = (force * (1 - transform) - q * h) * (1 - np.exp(-s * delay))
     kappa /= (1 + velocity * delay) * (1 - np.exp(-s * delay) * transform)
     return mass * s * s + mass * damping * s + stiffness + kappa
 
@@ -229,21 +229,25 @@ def test_dynamic_stiffness_is_that_of_lives_of_contacts_one_by_one(name):
 
 
 @pytest.mark.parametrize(
-    ("velocity", "delay", "stiffness", "mass", "damping"),
+    ("velocity", "delay", "stiffness", "mass", "damping", "force"),
     [
-        (1.0, 0.1, 2.0, 1e-4, 42.4),
-        (1.0, 0.2, 2.0, 1e-4, 200.0),
-        (3.0, 0.1, 2.0, 1e-4, 42.4),
-        (2.0, 0.3, 0.3, 1e-3, 5.0),
-        (0.5, 0.6, 4.0, 1e-2, 1.0),
-        (0.8, 0.1, 2.0, 0.0, 0.0),
-        (2.5, 0.1, 2.0, 0.0, 0.0),
+        (1.0, 0.1, 2.0, 1e-4, 42.4, 0.0),
+        (1.0, 0.2, 2.0, 1e-4, 200.0, 0.0),
+        (3.0, 0.1, 2.0, 1e-4, 42.4, 0.2),
+        (2.0, 0.3, 0.3, 1e-3, 5.0, 0.0),
+        (0.5, 0.6, 4.0, 1e-2, 1.0, 0.0),
+        (0.8, 0.1, 2.0, 0.0, 0.0, 0.0),
+        (2.5, 0.1, 2.0, 0.0, 0.0, 0.0),
+        (0.3, 0.4, 2.9, 8.6e-4, 1.66, 0.1),  # only the delay makes it grow
     ],
 )
-def test_counts_and_growth_rates_by_hand(velocity, delay, stiffness, mass, damping):
+def test_counts_and_growth_rates_by_hand(
+    velocity, delay, stiffness, mass, damping, force
+):
     body = {"stiffness": stiffness, "mass": mass, "damping": damping}
-    known = roots_by_hand(-0.3, velocity=velocity, delay=delay, **body)
-    held = rig(velocity, on=case(delay=ss.Delay(delay)), **body)
+    known = roots_by_hand(-0.3, velocity=velocity, delay=delay, force=force, **body)
+    on = replace(case(delay=ss.Delay(delay)), sliding_force=force)
+    held = rig(velocity, on=on, **body)
     assert count_unstable(held) == 2 * np.sum(known.real > 0)
     assert growth_rate(held) == pytest.approx(known[0], rel=1e-9)
 

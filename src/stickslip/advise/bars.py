@@ -6,18 +6,27 @@ stable.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
-from itertools import count, takewhile
+from itertools import chain, count, groupby, takewhile
 from typing import Any
+
+import numpy as np
 
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction
-from stickslip.advise.budget import Budget, BudgetExhausted, cost_of_run
+from stickslip.advise.budget import (
+    Budget,
+    BudgetExhausted,
+    cost_of_run,
+    cost_of_theory,
+    is_expensive,
+)
 from stickslip.advise.findings import Slip, WaveAnswer
 from stickslip.advise.mitigations import Mitigation, has, reach
-from stickslip.advise.survey import PRECISION, factor_on, scaled, stability_along
+from stickslip.advise.survey import PRECISION, Band, factor_on, scaled, theory_along
+from stickslip.arrays import Array, Range
 from stickslip.cycles.edges import halved
 from stickslip.elastic.modes import (
     CriticalLength,
@@ -34,11 +43,20 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.simulation import record
 from stickslip.sliding import respond
-from stickslip.stability import count_unstable
+from stickslip.stability.modes import smooth_sliding
+from stickslip.stability.neutral import Neutral, neutral_frequencies
 
-_MODES = 64  # the softest modes, among which the growing ones are counted
+# Most modes that are looked at, the softest first. Without viscosity of the bulk all
+# have the same losses, and one evaluation of linear theory serves all.
+_MODES = 1024
+_VISCOUS_MODES = 64
 _WAVES = 5  # the softest modes of different stiffness, which are reported
-_DENSITY = 6  # points per decade of speed at which growing modes of a wave are counted
+_DENSITY = 6  # points per decade of speed at which growing modes are counted
+# Cost of another mode, over that of the first, where contacts age or heat breaks them:
+# their response is not known off the frequencies of the first.
+_ANOTHER = 0.25
+_FIRST = 8  # growth rates in the first round of the search for the fastest mode
+_FOR_SPEEDS = 0.5  # fraction of the budget for what a first answer left out
 _FOR_CHANGES = 0.5  # fraction of the budget for changes; the rest is for a run
 # parameters that may be changed, one at a time
 _CHANGES = (
@@ -55,50 +73,208 @@ _CHANGES = (
 
 
 def predict_waves(
-    rig: Rig, speeds: tuple[float, float], report: Progress
+    rig: Rig, speeds: tuple[float, float], budget: Budget, report: Progress
 ) -> ElasticPrediction:
     """Return which waves of an elastic slider grow at its drive velocity, and the
     velocities at which they grow, within `speeds`, given as factors.
+
+    The budget does not limit the first evaluation, of which modes grow.
     """
     searched = (speeds[0] * rig.velocity, speeds[1] * rig.velocity)
     found = ElasticPrediction(rig=rig, speeds_searched=searched)
     if respond(rig.interface).inert:
         return replace(found, theory_note=by_theory.CANNOT_GROW)
-    grows = cache(_grows)
-    waves: dict[Slider, WaveAnswer] = {}
-    growing = 0
-    critical = None
+    rows = [*zip(*_modes_of(rig.slider), strict=True)]
+    sliders = [slider for *_, slider in rows]
     try:
-        for *numbers, slider in zip(*sliders_of(rig.slider, _MODES), strict=True):
-            stiffness, coupling, wavelength = map(float, numbers)
-            there = replace(rig, slider=slider, drive=constant(rig.natural.velocity))
-            growing += grows(there)
-            if slider in waves or len(waves) == _WAVES:
-                continue  # modes come in pairs of equal stiffness
-            growth, frequency = by_theory.fastest_mode(there)
-            bands = stability_along(there, VELOCITY, *speeds, density=_DENSITY)
-            length = length_in_words(rig, wavelength, 3)
-            waves[slider] = WaveAnswer(
-                name=_name(wavelength, coupling, rig.slider, length),
-                wavelength=wavelength,
-                stiffness=stiffness * rig.unit("k"),
-                growth=growth,
-                frequency=frequency,
-                speeds=tuple(
-                    band.ends
-                    for band in scaled(bands, rig.velocity)
-                    if band.kind == "unstable"
-                ),
-            )
-            report(len(waves) / (_WAVES + 1))
+        with budget.limited_to(math.inf):
+            growing = _growing(rig, sliders, budget)
     except UndecidedError as reason:
         return replace(found, theory_note=str(reason))
+    budget.allowed += budget.spent
+    critical = None
     if isinstance(rig.slider, Chain):
         with suppress(UndecidedError):
             critical = critical_length(rig)
+    waves = dict[Slider, WaveAnswer]()
+    shown = [*dict.fromkeys(sliders)][:_WAVES]
+    left = ["growth rates"]
+    fastest = None
+    with suppress(BudgetExhausted):
+        fastest = _fastest(rig, growing, budget)
+        # from the last one on, those that grow where none of the others does
+        while shown or (shown := _missed(rig, sliders, waves, speeds, budget)):
+            slider = shown.pop(0)
+            row = rows[sliders.index(slider)]
+            waves[slider] = _wave(rig, row, speeds, budget)
+            report(min(len(waves) / (_WAVES + 2), 1.0))
+            if not shown and fastest is not None and fastest not in waves:
+                shown.append(fastest)
+            left = ["the speeds at which other waves grow"]
+        left = []
+    if not all(wave.searched for wave in waves.values()):
+        left = ["the speeds at which some waves grow"]
     report(1.0)
-    found_waves = tuple(waves.values())
-    return replace(found, growing=growing, waves=found_waves, critical=critical)
+    best = None if fastest is None else waves.get(fastest)
+    return replace(
+        found,
+        looked=len(sliders),
+        growing=sum(slider in growing for slider in sliders),
+        fastest=best.name if best and best.growth is not None else "",
+        waves=tuple(sorted(waves.values(), key=lambda wave: wave.stiffness)),
+        complete=not left,
+        critical=critical,
+        not_searched=tuple(left),
+    )
+
+
+def _modes_of(body: ElasticBody) -> tuple[Array, Array, Array, list[Slider]]:
+    """Return the softest modes of an elastic slider, as `sliders_of` does."""
+    return sliders_of(body, _VISCOUS_MODES if body.viscosity > 0 else _MODES)
+
+
+def _with_mode(rig: Rig, slider: Slider) -> Rig:
+    """Return a mode at the speed of a rig, as a rig with a rigid slider."""
+    return replace(rig, slider=slider, drive=constant(rig.natural.velocity))
+
+
+def _growing(rig: Rig, sliders: Sequence[Slider], budget: Budget) -> list[Slider]:
+    """Return the modes that grow at the speed of a rig, each once.
+
+    Raises `UndecidedError` if none does for sure, but one may, to within the accuracy
+    of the response of the contacts.
+    """
+    found = list[Slider]()
+    fewest = most = 0
+    more = 0.0
+    margin = respond(rig.interface).accuracy
+    alike = groupby(dict.fromkeys(sliders), key=lambda slider: slider.damping)
+    for softest, *others in (list(group) for _, group in alike):
+        there = _with_mode(rig, softest)
+        neutral = budget.theory(_neutral, there, more=more)
+        more = _beyond_the_first(there)
+        for slider in (softest, *others):
+            added = slider.stiffness - softest.stiffness
+            if neutral.unstable(added):
+                found.append(slider)
+            fewest += neutral.unstable(added + margin)
+            most += neutral.unstable(added - margin)
+    if most and not fewest:
+        raise UndecidedError(
+            f"at {rig.in_units(rig.velocity, 'velocity')} a mode is on its stability "
+            "boundary to within the accuracy of the response; change a parameter "
+            "slightly"
+        )
+    return found
+
+
+def _neutral(rig: Rig) -> Neutral:
+    """Return the neutral frequencies of all sliders at least as stiff as that of a rig,
+    with its mass and damping.
+    """
+    sliding = smooth_sliding(rig)
+    (found,) = neutral_frequencies([sliding], softest=sliding.static_stiffness)
+    return found
+
+
+def _beyond_the_first(rig: Rig) -> float:
+    """Return the cost of another mode on contacts whose response is known, in usual
+    evaluations of linear theory.
+    """
+    return _ANOTHER * cost_of_theory(rig) if is_expensive(rig) else 0.0
+
+
+def _growth(rig: Rig, slider: Slider, budget: Budget) -> tuple[float | None, ...]:
+    """Return growth rate and frequency of a mode, as `fastest_mode` does."""
+    there = _with_mode(rig, slider)
+    more = _beyond_the_first(there)
+    return budget.theory(by_theory.fastest_mode, there, more=more)
+
+
+def _fastest(rig: Rig, growing: Sequence[Slider], budget: Budget) -> Slider | None:
+    """Return the mode that grows fastest; None if none grows.
+
+    Growth changes gradually from one mode to the next: ever closer neighbours of the
+    best one are tried.
+    """
+    if not growing:
+        return None
+
+    def growth(index: int) -> float:
+        return _growth(rig, growing[index], budget)[0] or -math.inf
+
+    step = math.ceil(len(growing) / _FIRST)
+    best = max(range(0, len(growing), step), key=growth)
+    while step > 1:
+        step = math.ceil(step / 2)
+        last = min(best + step, len(growing) - 1)
+        best = max(range(max(best - step, 0), last + 1, step), key=growth)
+    return growing[best]
+
+
+def _wave(
+    rig: Rig, row: Sequence[Any], speeds: tuple[float, float], budget: Budget
+) -> WaveAnswer:
+    """Return the answer for a mode, which is given by a row of `sliders_of`; its speeds
+    as far as the budget allows.
+    """
+    *numbers, slider = row
+    stiffness, coupling, wavelength = map(float, numbers)
+    growth, frequency = _growth(rig, slider, budget)
+    bands: tuple[Band, ...] = ()
+    with suppress(BudgetExhausted):
+        there = _with_mode(rig, slider)
+        bands = theory_along(budget, there, VELOCITY, *speeds, density=_DENSITY)
+    searched = bool(bands)
+    bands = bands or (Band(kind="unknown", low=speeds[0], high=speeds[1]),)
+    length = length_in_words(rig, wavelength, 3)
+    return WaveAnswer(
+        name=_name(wavelength, coupling, rig.slider, length),
+        wavelength=wavelength,
+        stiffness=stiffness * rig.unit("k"),
+        growth=growth,
+        frequency=frequency,
+        speeds=_ranges(rig, bands, "unstable"),
+        unknown=_ranges(rig, bands, "unknown"),
+        searched=searched,
+    )
+
+
+def _ranges(rig: Rig, bands: Iterable[Band], kind: str) -> tuple[Range, ...]:
+    """Return the ranges of speed of the bands of a kind, in the rig's own units."""
+    found = [band for band in bands if band.kind == kind]
+    return tuple(band.ends for band in scaled(found, rig.velocity))
+
+
+def _missed(
+    rig: Rig,
+    sliders: Sequence[Slider],
+    waves: Mapping[Slider, WaveAnswer],
+    speeds: tuple[float, float],
+    budget: Budget,
+) -> list[Slider]:
+    """Return a mode that grows at a speed at which the waves are known to decay, or
+    nothing if there is none: on a grid, and just beyond where a wave begins to decay.
+    """
+    count = 1 + math.ceil(_DENSITY * math.log10(speeds[1] / speeds[0]))
+    seen = waves.values()
+    known = [ends for wave in seen for ends in (*wave.speeds, *wave.unknown)]
+    beyond = [
+        end / rig.velocity * factor
+        for end in chain.from_iterable(known)
+        for factor in (1.0 / (1.0 + PRECISION), 1.0 + PRECISION)
+    ]
+    tried = [*np.geomspace(*speeds, count).tolist(), *beyond]
+    for factor in (each for each in tried if speeds[0] <= each <= speeds[1]):
+        speed = factor * rig.velocity
+        if any(low <= speed <= high for low, high in known):
+            continue
+        there = replace(rig, drive=constant(factor * rig.natural.velocity))
+        with suppress(InputError, UndecidedError):
+            growing = _growing(there, sliders, budget)
+            if others := [slider for slider in growing if slider not in waves]:
+                return others[:1]
+    return []
 
 
 def complete_waves(
@@ -107,15 +283,23 @@ def complete_waves(
     """Add to the answer the slips of a bar from rest, and the changes that make its
     smooth sliding stable, as far as the budget allows.
     """
+    if found.not_searched:
+        ends = found.speeds_searched
+        low, high = (end / found.rig.velocity for end in ends)
+        with budget.limited_to(_FOR_SPEEDS):
+            found = predict_waves(
+                found.rig, (low, high), budget, part(report, 0.0, 0.2)
+            )
     if found.theory_note or not isinstance(found.rig.slider, Chain):
         return found
     if found.growing:
         with budget.limited_to(_FOR_CHANGES):
             changes = _changes(
-                found.rig, found.critical, budget, part(report, 0.0, 0.3)
+                found.rig, found.critical, budget, part(report, 0.2, 0.4)
             )
+        changes["not_searched"] = found.not_searched + changes["not_searched"]
         found = replace(found, **changes)
-    return replace(found, **_slips(found.rig, budget, part(report, 0.3, 1.0)))
+    return replace(found, **_slips(found.rig, budget, part(report, 0.4, 1.0)))
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
@@ -125,28 +309,18 @@ def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) ->
     if math.isinf(wavelength):
         return "the uniform mode" if coupling == 0.0 else "waves across the drive"
     # a wave longer than its bar is not shown by its length
-    if not isinstance(body, Chain) or wavelength <= body.size:
+    if not isinstance(body, Chain) or wavelength < body.size * (1.0 + 1e-9):
         return f"waves of {length}"
     whole = wavelength > 3.0 * body.size
     return "the bar nearly as a whole" if whole else "half a wave along the bar"
 
 
-def _grows(rig: Rig) -> bool:
-    """Whether a mode of a rigid slider grows."""
-    return count_unstable(rig) > 0
-
-
 def _is_stable(rig: Rig, budget: Budget) -> bool:
-    """Whether linear theory shows that none of the softest modes of a bar grows at the
-    speed of its drive.
+    """Whether linear theory shows that no mode of a bar grows at the speed of its
+    drive.
     """
-    drive = constant(rig.natural.velocity)
     try:
-        modes = dict.fromkeys(sliders_of(rig.slider, _MODES)[-1])
-        return not any(
-            budget.theory(_grows, replace(rig, slider=slider, drive=drive))
-            for slider in modes
-        )
+        return not _growing(rig, _modes_of(rig.slider)[-1], budget)
     except (InputError, UndecidedError):
         return False
 
@@ -159,27 +333,37 @@ def _changes(
     """
     found = list[Mitigation]()
     tried = dict[str, tuple[float, float]]()
-    with suppress(BudgetExhausted):
-        # Leaf springs of the critical stiffness stabilise the softest mode of a bar
-        # without any.
-        if critical is not None and rig.natural.slider.leaf == 0:
-            to = critical.stiffness * (1.0 + PRECISION)
+    missed = list[str]()
+    # Leaf springs of the critical stiffness stabilise the softest mode of a bar without
+    # any.
+    if critical is not None and rig.natural.slider.leaf == 0:
+        to = critical.stiffness * (1.0 + PRECISION)
+        with suppress(BudgetExhausted):
             if _is_stable(rig.with_values(leaf=to), budget):
                 found.append(Mitigation(parameter="leaf", now=0.0, to=to))
-        for i, parameter in enumerate(_CHANGES):
-            report(i / len(_CHANGES))
-            if has(rig, parameter):
-                now = rig.value(parameter)
-                low, high = reach(rig, parameter)
-                up = _smallest(rig, parameter, 1, high, budget)
-                down = _smallest(rig, parameter, -1, 1.0 / low, budget)
-                if math.isinf(min(up, down)):
-                    tried[parameter.name] = now * low, now * high
-                    continue
-                to = now * up if up <= down else now / down
-                found.append(Mitigation(parameter=parameter.name, now=now, to=to))
+    for i, parameter in enumerate(_CHANGES):
+        report(i / len(_CHANGES))
+        if not has(rig, parameter):
+            continue
+        now = rig.value(parameter)
+        low, high = reach(rig, parameter)
+        try:
+            up = _smallest(rig, parameter, 1, high, budget)
+            down = _smallest(rig, parameter, -1, 1.0 / low, budget)
+        except BudgetExhausted:
+            missed.append(parameter.title)
+            continue
+        if math.isinf(min(up, down)):
+            tried[parameter.name] = now * low, now * high
+            continue
+        to = now * up if up <= down else now / down
+        found.append(Mitigation(parameter=parameter.name, now=now, to=to))
     found.sort(key=lambda each: each.size)
-    return {"mitigations": tuple(found), "attempts": tried}
+    return {
+        "mitigations": tuple(found),
+        "attempts": tried,
+        "not_searched": tuple(missed),
+    }
 
 
 def _smallest(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 from stickslip.advise.budget import OSCILLATES
@@ -369,6 +369,9 @@ class WaveAnswer:
     growth: float | None
     frequency: float | None
     speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
+    #: ranges of speed in which that is not known
+    unknown: tuple[tuple[float, float], ...] = ()
+    searched: bool = True  #: False if the budget ended before its speeds were searched
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -387,9 +390,14 @@ class WaveFindings:
     """
 
     rig: Rig
-    #: number of modes that grow at the rig's speed, among the 64 softest
-    growing: int = 0
-    waves: tuple[WaveAnswer, ...] = ()  #: the five softest modes
+    looked: int = 0  #: number of modes that were looked at, the softest first
+    growing: int = 0  #: number of these that grow at the rig's speed
+    fastest: str = ""  #: name of the mode that grows fastest; empty if none is known
+    #: the five softest modes, the fastest, and those that grow at speeds at which none
+    #: of these does
+    waves: tuple[WaveAnswer, ...] = ()
+    #: whether no other mode grows at a speed at which these decay
+    complete: bool = True
     #: for a chain: the stiffness below which modes grow, and the critical length
     critical: CriticalLength | None = None
     theory_note: str = ""  #: why the theory does not apply; empty if it does
@@ -404,19 +412,28 @@ class WaveFindings:
     #: first; and parameters that do not, with the range searched
     mitigations: tuple[Mitigation, ...] = ()
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    #: what was left out as the budget ended
+    not_searched: tuple[str, ...] = ()
 
     @property
     def bands(self) -> tuple[Band, ...]:
-        """Ranges of speed in which any mode grows."""
-        pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
-        return tuple(
-            joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
-        )
+        """Ranges of speed in which any mode grows, or in which that is not known."""
+        grows = {ends for wave in self.waves for ends in wave.speeds}
+        doubtful = {ends for wave in self.waves for ends in wave.unknown}
+        if not self.complete:
+            doubtful.add(self.speeds_searched)
+        found = []
+        for low, high in pairwise(sorted({*chain(*grows, *doubtful)})):
+            for kind, ranges in (("unstable", grows), ("unknown", doubtful)):
+                if any(ends[0] <= low and high <= ends[1] for ends in ranges):
+                    found.append(Band(kind=kind, low=low, high=high))
+                    break
+        return joined(found)
 
     @property
     def speeds(self) -> tuple[tuple[float, float], ...]:
-        """The ends of these bands."""
-        return tuple(band.ends for band in self.bands)
+        """The ranges of speed in which any mode grows."""
+        return tuple(band.ends for band in self.bands if band.kind == "unstable")
 
     @property
     def units(self) -> dict[str, str]:

@@ -147,7 +147,7 @@ def predict(
             check_body(rig)
             waves = part(report, 0.0, 1.0 if fast else 0.4)
             found: Prediction | ElasticPrediction = predict_waves(
-                rig, _speeds_searched(rig), waves
+                rig, _speeds_searched(rig), Budget(_FOR_VERDICT), waves
             )
         else:
             found = _verdict(rig, report if fast else part(report, 0.0, 0.3))

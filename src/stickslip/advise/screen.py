@@ -5,6 +5,7 @@ changes, and uncertainty.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeGuard
 
@@ -148,6 +149,9 @@ def lines_of_waves(found: WaveFindings, signs: Signs = ASCII) -> Iterator[str | 
     elif found.attempts:
         yield ""
         yield "No single change within the ranges searched makes smooth sliding stable."
+    if found.not_searched:
+        left = ", ".join(found.not_searched)
+        yield from textwrap.wrap(f"Left out: {left}; --thorough searches.", 80)
     yield from ("", MORE)
 
 

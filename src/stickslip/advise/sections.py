@@ -5,7 +5,7 @@ list of sentences or a table.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from stickslip.advise.findings import (
 )
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.survey import PRECISION
+from stickslip.arrays import Range
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import UndecidedError
 from stickslip.measure.episodes import Episode
@@ -526,16 +527,15 @@ def motion_of_waves(found: WaveFindings) -> Motion:
         return Motion("undecided", f": {found.theory_note}")
     at = f"at {_speed(found.rig, found.rig.velocity)}: "
     slipped = bool(found.partial or found.whole)
+    size = found.rig.natural.slider.size
+    softest = f" of the {found.looked} softest" * (found.looked < size)
     if not found.growing:
         but = ", but a run from rest slips" * slipped
-        return Motion(
-            "smooth sliding is linearly stable", f" at every wavelength{but}", at=at
-        )
-    grown = [
-        (wave.growth, wave.name) for wave in found.waves if wave.growth is not None
-    ]
+        where = f" in each{softest} modes" if softest else " at every wavelength"
+        return Motion("smooth sliding is linearly stable", f"{where}{but}", at=at)
     plural = "s" * (found.growing != 1)
-    more = f"{found.growing} growing mode{plural}, fastest: {max(grown)[1]}"
+    fastest = f", fastest: {found.fastest}" * bool(found.fastest)
+    more = f"{found.growing} growing mode{plural}{softest}{fastest}"
     unstable = "smooth sliding is unstable"
     where = f" {_around(found)}".rstrip()
     if slipped:
@@ -550,8 +550,9 @@ def _around(found: WaveFindings) -> str:
     if found.speeds == (found.speeds_searched,):
         low, high = (_speed(found.rig, end) for end in found.speeds_searched)
         return f"at every speed from {low} to {high}"
-    here = (band for band in found.bands if found.rig.velocity in band)
-    return "".join(_span(found, *band.ends) for band in here)
+    speed = found.rig.velocity
+    here = (ends for ends in found.speeds if ends[0] <= speed <= ends[1])
+    return "".join(_span(found, *ends) for ends in here)
 
 
 def slips(found: WaveFindings) -> Iterator[str]:
@@ -575,16 +576,23 @@ def slips(found: WaveFindings) -> Iterator[str]:
         yield f"in a run from rest of {lasts}: no slip of 3 blocks or more"
 
 
-def _unstable(found: WaveFindings, spans: Iterable[tuple[float, float]]) -> str:
-    return " and ".join(_span(found, *ends) for ends in spans) or "nowhere"
+def _unstable(
+    found: WaveFindings, grows: Sequence[Range], unknown: Sequence[Range]
+) -> str:
+    """Return in words the speeds at which waves grow, or at which that is not known."""
+    parts = [_span(found, *ends) for ends in grows]
+    parts += [f"not known {_span(found, *ends)}" for ends in unknown]
+    return " and ".join(parts) or "nowhere"
 
 
 def sections_of_waves(found: WaveFindings) -> list[Section]:
     """Return all sections of the answer for an elastic slider."""
     rig = found.rig
-    unstable = [f"linearly unstable {_unstable(found, found.speeds)}"]
+    unknown = [band.ends for band in found.bands if band.kind == "unknown"]
+    unstable = [f"linearly unstable {_unstable(found, found.speeds, unknown)}"]
     # leave out what the headline already says
-    if found.theory_note or (len(found.speeds) == 1 and _around(found)):
+    known = len(found.speeds) == 1 and _around(found) and not unknown
+    if found.theory_note or known or not found.waves:
         unstable = []
     waves = [("wave", "stiffness", "growth rate", "unstable")] if found.waves else []
     for wave in found.waves:
@@ -592,7 +600,8 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
         if wave.growth is not None:
             rate = _mode(rig, wave.growth, wave.frequency)
         stiffness = quantity(rig, wave.stiffness, "stiffness")
-        waves.append((wave.name, stiffness, rate, _unstable(found, wave.speeds)))
+        where = _unstable(found, wave.speeds, wave.unknown)
+        waves.append((wave.name, stiffness, rate, where))
     about = ", the softest first (linear stability)"
     more = motion_of_waves(found).more
     return [
@@ -603,6 +612,9 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
         Section("lengths", [*lengths(found)], "Lengths"),
         Section("mitigations", _changes(found), "Changes", _BY_THEORY),
         Section("attempts", [*attempts(found)], "Tried", ", in doublings"),
+        Section(
+            "not_searched", found.not_searched, "Left out", "; --thorough searches"
+        ),
         *_origins(rig),
     ]
 

@@ -142,7 +142,7 @@ def factor_on(*directions: Direction) -> Parameter:
 
 
 def stability_along(
-    rig: Rig, parameter: Parameter, low: float, high: float, *, density: int = 0
+    rig: Rig, parameter: Parameter, low: float, high: float, density: int = 0
 ) -> tuple[Band, ...]:
     """Return the ranges of the factor on a parameter, in rising order, in which smooth
     sliding is stable, unstable, or not decided.
@@ -161,7 +161,7 @@ def stability_along(
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
         lower, upper = (
-            stability_along(rig, parameter, *ends, density=density)
+            stability_along(rig, parameter, *ends, density)
             for ends in ((low, middle), (middle, high))
         )
         return joined(lower + upper)
@@ -175,7 +175,12 @@ def stability_along(
 
 
 def theory_along(
-    budget: Budget, rig: Rig, parameter: Parameter, low: float, high: float
+    budget: Budget,
+    rig: Rig,
+    parameter: Parameter,
+    low: float,
+    high: float,
+    density: int = 0,
 ) -> tuple[Band, ...]:
     """Return `stability_along` within a budget.
 
@@ -188,12 +193,14 @@ def theory_along(
     points = 0.0
     here = [rig]
     if (first.interface, first.velocity) != (last.interface, last.velocity):
-        points = _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
+        density = density or _PER_DECADE[is_expensive(rig)]
+        points = density * math.log10(high / low)
         here += [first, last]
     cost = float(np.mean([cost_of_theory(each) for each in here]))
     # an expensive response of the rig's own contacts is paid for by the budget itself
     more = points * cost + (0.0 if is_expensive(rig) else cost - 1.0)
-    return budget.theory(stability_along, rig, parameter, low, high, more=more)
+    given = (parameter, low, high, density)
+    return budget.theory(stability_along, rig, *given, more=more)
 
 
 def works_at(rig: Rig) -> list[float]:

@@ -36,11 +36,12 @@ from stickslip.stability.modes import count_unstable, growth_rate
 if TYPE_CHECKING:
     import xarray as xr
 
-# seconds for the root of a mode; for a chain held at one end also the seconds, and the
-# bytes, of each block of each mode
+# seconds for the root of a mode; where all modes of a chain held at one end are found
+# also the seconds, and the bytes, of each block of each mode
 _ROOT = 0.01
 _SOFTEST = 2e-7
 _SHAPE = 8.0
+_HALVINGS = 53  # of the range of a wavenumber, to rounding
 _SOFTER = 9  # number of waves softer than the critical one that are checked to grow
 
 
@@ -151,8 +152,8 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 def _check_work(body: ElasticBody, count: int) -> None:
     """Raise `InputError` if the modes would take more than an hour or 4 GB."""
     found = min(count, body.size)
-    # there is no closed form if a spring holds one end
-    searched = found * body.size if body.side > 0.0 else 0
+    # all modes of a row that a spring holds at one end are found from its matrix
+    searched = found**2 if body.side > 0.0 and found == body.size else 0
     seconds = _ROOT * found + _SOFTEST * searched
     excess = max(seconds / LONGEST, _SHAPE * searched / LARGEST)
     if excess > 1.0:
@@ -337,14 +338,28 @@ def _row(
         waves = (number + 1) // 2 if ring and blocks > 2 else 0.5 * number
         bulk = 4.0 * coupling * np.sin(np.pi * waves / blocks) ** 2
         return bulk, bulk
-    diagonal = np.full(blocks, 2.0 * coupling)
-    diagonal[[0, -1]] = coupling if blocks > 1 else 0.0
-    diagonal[0] += side
-    beside = np.full(blocks - 1, -coupling)
-    stiffness, shape = eigh_tridiagonal(
-        diagonal,
-        beside,
-        select="i",
-        select_range=(0, count - 1),
-    )
-    return np.asarray(stiffness), np.asarray(stiffness - side * shape[0] ** 2)
+    if count == blocks:
+        # the stiffest mode may be confined to the end with the spring
+        diagonal = np.full(blocks, 2.0 * coupling)
+        diagonal[[0, -1]] = coupling if blocks > 1 else 0.0
+        diagonal[0] += side
+        stiffness, shape = eigh_tridiagonal(diagonal, np.full(blocks - 1, -coupling))
+        return np.asarray(stiffness), np.asarray(stiffness - side * shape[0] ** 2)
+
+    def unbalanced(q: Array) -> Array:
+        """Force on the end with the spring, in a wave whose other end is free."""
+        return side * np.cos(q * (blocks - 0.5)) - 2.0 * coupling * np.sin(
+            q * blocks
+        ) * np.sin(0.5 * q)
+
+    # the spring raises the wavenumber of each mode, to less than that of the next one
+    low = np.pi * np.arange(count) / blocks
+    high = low + np.pi / blocks
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        below = unbalanced(middle) * (-1.0) ** np.arange(count) > 0
+        low = np.where(below, middle, low)
+        high = np.where(below, high, middle)
+    size = 0.5 * blocks + np.sin(2.0 * blocks * low) / (4.0 * np.sin(low))
+    stiffness = 4.0 * coupling * np.sin(0.5 * low) ** 2
+    return stiffness, stiffness - side * np.cos(low * (blocks - 0.5)) ** 2 / size

@@ -192,7 +192,7 @@ def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
             row,
             high - low,
             left=low,
-            color=COLOURS[kind],
+            color=COLOURS.get(kind, "#FFFFFF"),
             height=0.62,
             linewidth=0,
         )
@@ -263,6 +263,7 @@ def waves(answer: Any) -> Figure:
     ax = figure.add_subplot()
     for row, wave in enumerate(answer.waves):
         _bars(ax, row, [answer.speeds_searched], "smooth sliding")
+        _bars(ax, row, wave.unknown, "unknown")
         _bars(ax, row, wave.speeds, "unstable")
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     _axis_of_speeds(ax, answer)
@@ -277,10 +278,12 @@ def waves(answer: Any) -> Figure:
         fontsize=9,
     )
     named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
+    if any(wave.unknown for wave in answer.waves):
+        named["unknown"] = "not known"
     return legend_below(
         figure,
         [
-            Patch(facecolor=COLOURS[kind], label=name, **EDGE)
+            Patch(facecolor=COLOURS.get(kind, "#FFFFFF"), label=name, **EDGE)
             for kind, name in named.items()
         ],
     )

@@ -7,7 +7,7 @@ times as fast; the delay enters in closed form.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -96,6 +96,10 @@ class TabulatedResponse(Response):
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         del top  # the frequencies extend to where the phase is constant
+        return _kept_sample(self, velocity)
+
+    def sample(self, velocity: float) -> tuple[Array, Parts]:
+        """Return `sampled`, which no body changes."""
         omega = self._followed(velocity, _MOST_STEPS)
         found = self._tabulated(velocity, omega)
         return omega, self._parts(velocity, 1j * omega, found)
@@ -154,3 +158,8 @@ class TabulatedResponse(Response):
         noise = life.noise(q, missing, away, self.interface.sliding_force) / velocity
         kappa = self.parts_of(velocity, q, missing, transforms).kappa
         return Fluctuations(kappa, noise)
+
+
+@lru_cache(maxsize=4)  # of some megabytes each
+def _kept_sample(response: TabulatedResponse, velocity: float) -> tuple[Array, Parts]:
+    return response.sample(velocity)

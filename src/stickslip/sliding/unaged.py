@@ -275,12 +275,16 @@ def _discs(
             "double precision cannot resolve how "
             "the contacts lose their memory; give them a larger standard deviation"
         )
-    centre = (sliding_force * lost - shape * np.conj(complement)) / room
+    held = sliding_force * lost / room
+    centre = held - shape * np.conj(complement) / room
     # Beyond the table discs only shrink: take one as large as any in its last quarter,
-    # and extending as far below the real axis.
-    last = centre[-(centre.size // 4) :]
+    # and extending as far below the real axis. It extends there by `held` in the end,
+    # as the rest fades.
+    tail = slice(-(centre.size // 4), None)
+    last = centre[tail]
     worst = float(np.max(np.abs(last)))
-    deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
+    below = np.abs(last) * (1 - 1e-14) - last.imag
+    deficit = float(max(np.max(below), np.max(held[tail])))
     shrinking = complex(
         math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit
     )
