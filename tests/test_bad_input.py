@@ -17,13 +17,7 @@ from refusals import refused
 import stickslip as ss
 from stickslip import fitting, rigid
 from stickslip.cycles import is_sustained
-from stickslip.errors import (
-    LARGEST,
-    LONGEST_MESSAGE,
-    SMALLEST,
-    number,
-    together,
-)
+from stickslip.errors import LARGEST, LONGEST_MESSAGE, SMALLEST, number, together
 from stickslip.io.datasets import provenance
 from stickslip.model import SteadyState
 from stickslip.model.drive import Drive, Piece
