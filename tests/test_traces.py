@@ -242,16 +242,9 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
     assert f"line 62: '{last[:9]}'" in data.attrs["note"]
 
 
-MAGIC = {
-    b"CDF": "NetCDF",
-    b"PAR1": "Parquet: .*read_parq",
-    b'[\n {"t":': "JSON: .*_json",
-}
-UNCLEAR = re.findall(
-    r"([^,]+)=([^,]+)",
-    """F x 1000 (N)=multiplied,F (N) /10=div,1e3*F (mN)=mult,\
-F (10^3 N)=a number beside,Load cell (500 N)=number,forceMN=mN or MN,F (mn)=mN or MN""",
-)
+MAGIC = {b"PAR1": "Parquet: .*read_parquet", b'[\n {"t":': "JSON: .*read_json"}
+UNCLEAR = """F x 1000 (N)=mult,F (N) /10=div,1e3*F (N)=mult,forceMN=mN or MN,\
+F (10^3 N)=a number beside,Load cell (500 N)=number,F (mn)=mN or MN"""
 
 
 @pytest.mark.parametrize(
@@ -293,8 +286,12 @@ F (10^3 N)=a number beside,Load cell (500 N)=number,forceMN=mN or MN,F (mn)=mN o
         (NUMBERS + f"1{ZEROS}x\n2{ZEROS}x\n3x3\n4x4\n", STEP, "4 of 64 rows"),
         (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
         (b"\x89HDF\r\n" + bytes(100), {}, "cannot be read .*signature not found"),
-        *((head + bytes(9), {}, f"is {kind}") for head, kind in MAGIC.items()),
-        *((f"t;{head}\n" + SEMICOLONS, {}, f"{why}.*2:mN") for head, why in UNCLEAR),
+        (b"CDF\x01" + bytes(100), {}, "NetCDF"),
+        *((head, {}, f"is {kind}") for head, kind in MAGIC.items()),
+        *(
+            (f"t;{head}\n" + SEMICOLONS, {}, f"{why}.*2:mN")
+            for head, why in re.findall("([^,]+)=([^,]+)", UNCLEAR)
+        ),
         (b"\x93NUMPY" + bytes(9), {"delimiter": ";"}, "is no text: leave out its"),
         (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
         ("Load cell (N)\n" + NUMBERS, STEP | {"load": "7"}, "no such column"),
