@@ -680,6 +680,7 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     found = read_trace(tmp_path / "a.wav", force=":1 mN/counts")
     assert found["spring_force"].values == pytest.approx(counts)
     assert found["spring_force"].attrs["units"] == "mN"
+    assert found.attrs["note"].startswith("the samples of a sound are taken for a f")
     assert found["time"].values == pytest.approx(t)
     found.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"is a run: open it with load\(\)"):

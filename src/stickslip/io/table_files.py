@@ -121,7 +121,8 @@ def _of_sound(raw: bytes) -> Table:
     rate, values = wavfile.read(io.BytesIO(raw))
     table = _of_arrays({"channel": values})
     counts = [Heading(name, "counts") for name, _ in table.headings]
-    return table._replace(headings=counts, step=1.0 / rate)
+    notes = ("the samples of a sound are taken for a force", *table.notes)
+    return table._replace(headings=counts, step=1.0 / rate, notes=notes)
 
 
 def _of_matlab(raw: bytes) -> Table:

@@ -269,7 +269,7 @@ def in_words(run: xr.Dataset) -> str:
     """Return in words between which velocities a run on a ramp stick-slips, and the
     motion in each stroke of a drive that turns back; empty for another run.
     """
-    drive = np.asarray(run.get("drive_velocity", 0.0), dtype=float)
+    drive = np.atleast_1d(np.asarray(run.get("drive_velocity", 0.0), dtype=float))
     moving = np.flatnonzero(drive)
     turns = moving[1:][np.diff(np.sign(drive[moving])) != 0]
     if not turns.size:
