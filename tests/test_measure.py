@@ -1134,15 +1134,13 @@ def test_transitions_of_a_made_up_loop(up, down):
     assert found.attrs["notes"] == ""
 
 
-BOTH = slice(None)
-UP = slice(0.0, 400.0)
-DOWN = slice(400.01, None)
+BOTH, UP, DOWN = slice(None), slice(0.0, 400.0), slice(400.01, None)
 NOWHERE = (8.0, 9.0)
 LATE = {"up": (1.4, 9.0), "down": (0.7, 9.0)}
 INSIDE = {"up": (1.4, 2.4), "down": (0.7, 2.0)}
 FALLING = {"up": NOWHERE, "down": (0.0, 2.0), "start": 0.9}
 OUTSIDE = {"up": NOWHERE, "down": (2.4, 1.0)}
-NEVER = {"up": NOWHERE, "down": NOWHERE}
+NEVER = dict.fromkeys(("up", "down"), NOWHERE)
 LOW = {"v1": 1.4, "v1_down": 0.7}
 HIGH = {"v1_down": 2.4, "v2_down": 1.0}
 
@@ -1163,7 +1161,11 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(made, part, seen, note):
     for name in ("v1", "v2", "v1_down", "v2_down"):
         expected = pytest.approx(seen.get(name, math.nan), abs=0.04, nan_ok=True)
         assert float(found[name]) == expected
-    assert re.search(note, f"{found.attrs['notes']} {ss.measure.ramps.in_words(run)}")
+    words = (in_words := ss.measure.ramps.in_words)(run)
+    assert re.search(note, f"{found.attrs['notes']} {words}")
+    back = run.map(np.negative, keep_attrs=True).assign_coords(time=800.0 + run.time)
+    strokes = in_words(xr.concat([run, back], "time")).replace("-", "")
+    assert strokes.count(words.partition("; ")[2].replace("-", "")) == 2
     if {"v1", "v1_down"} <= set(seen):
         for velocity, difference in ((1.05, 0.8), (2.5, 0.0)):
             there = found.sel(velocity=velocity, method="nearest")

@@ -91,7 +91,7 @@ CATMAN = """Zeit 1 - Standardmessrate|Kraft|Weg\nms|mN|mm\nSR=4 Hz|SR=4 Hz|SR=4 
 T0=1.2.24 12:00|T0=1.2.24 12:00|T0=1.2.24 12:00\nS9M|MX4 CH 1|MX4 CH 2\n"""
 NEWTONS = {"units": ("s", "Newtons")}
 HEADS = """t (ms);F (mN) | t/ms;F/mN | time_ms;force_mN | Zeit in ms;Kraft in mN
-timeMs;frictionForceMN | Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | ms;mN
+timeMs;frictionForcemN | Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | ms;mN
 [ms] Time;Force - mN | Time (ms) Run #1;Force (mN) Run #1 | uptime_ms;tau.mN
 时间（ms）;摩擦力（mN）"""
 
@@ -118,13 +118,10 @@ timeMs;frictionForceMN | Time <ms>;Force {mN} | Time (in ms);Force [mN] (raw) | 
         ("t;F_d\n" + commas("{t};{f}"), {"delimiter": ";"}),
         ("t;F_d\n" + commas("{t:g};{f:.2e}"), {"delimiter": ";", "decimal": ","}),
         ('"Time (s)","Force (N)"\n' + commas('"{t:.2f}|{f}"').replace("|", '","'), {}),
-        (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
-        ("\ufeff" + NUMBERS, {"step": 0.25}),
+        ("\ufeff" + NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
         (NUMBERS + "End of file\n", {"step": 0.25, "rows": FORCES.size + 1}),
         ("t,F_d\n" + PAIRS, {"step": 0.25}),
-        (GERMAN.encode("latin-1"), {}),
-        (GERMAN.encode("utf-8-sig"), {}),
-        (GERMAN.encode("utf-16-le"), {}),
+        *((GERMAN.encode(code), {}) for code in ("latin-1", "utf-8-sig", "utf-16-le")),
         (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
         ("Zeit [hh:mm:ss];Kraft (N)\n" + commas("10:07:{t:06.3f};{f}"), {}),
         ("when\tforce [N]\n" + rows("{night(t)}\t{f}"), {"time": 1}),
@@ -245,6 +242,11 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
     assert f"line 62: '{last[:9]}'" in data.attrs["note"]
 
 
+MAGIC = {b"PAR1": "Parquet: .*read_parquet", b'[\n {"t":': "JSON: .*read_json"}
+UNCLEAR = """F x 1000 (N)=mult,F (N) /10=div,1e3*F (N)=mult,forceMN=mN or MN,\
+F (10^3 N)=a number beside,Load cell (500 N)=number,F (mn)=mN or MN"""
+
+
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
@@ -252,9 +254,7 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         ("t (s),F\n" + PAIRS, {"step": 0.1}, "rises by 250 ms instead; leave out the"),
         ("t (s),F\n" + PAIRS, {"load": "20"}, "a value needs its unit, as in '20 N'"),
         (NUMBERS, {"step": 0.0}, "step = 0"),
-        (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
-        (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
-        (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
+        *((NUMBERS, STEP | {name: "x;"}, name) for name in ("delimiter", "decimal")),
         ("t,F_d\n" + PAIRS, {"force": "f_c"}, "there are 1 't', 2 'F_d'"),
         ("t,F_d\n" + PAIRS, {"force": 0}, "counted from 1"),
         ("t,F_d\n" + PAIRS, {"force": 1, "time": 1}, "both force and time"),
@@ -262,15 +262,13 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         (PAIRS, {"step": 0.1}, "which column is the force"),
         (rows("{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         (rows("{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
-        ("", STEP, "empty"),
-        (" \n\n", STEP, "blanks and comments only"),
+        *((text, STEP, "is empty, or holds blanks and c") for text in ("", " \n\n")),
         ("to be\nor not\nto be\n", STEP, "no column of numbers"),
         ("1\n2\n3\n", STEP, "3 readings are too few"),
         (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", STEP, "4 of 68 rows .*, first line 61"),
         ("t,F\ns,N\n" + in_parts("{t},{f}", "s,mN\n"), {}, "line 33: .* in mN, no"),
         ("t,F_d\n" + rows("{int(t)},{f}"), {}, "line 3: time 0 is that .* 59 rows"),
         ("t,F_d\n" + rows("{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
-        ("t,F_d\n" + rows("1,{f}"), {}, "is that of the row before"),
         ("t,F\n" + rows("{t},{f}", changes=LATE), {}, "line 12: time 1 does not come"),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, STEP, "binary"),
         ("a,F_d\n" + rows("x,{f}"), STEP | {"force": "a"}, NO_COLUMN),
@@ -289,6 +287,11 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
         (b"\x89HDF\r\n" + bytes(100), {}, "cannot be read .*signature not found"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
+        *((head, {}, f"is {kind}") for head, kind in MAGIC.items()),
+        *(
+            (f"t;{head}\n" + SEMICOLONS, {}, f"{why}.*2:mN")
+            for head, why in re.findall("([^,]+)=([^,]+)", UNCLEAR)
+        ),
         (b"\x93NUMPY" + bytes(9), {"delimiter": ";"}, "is no text: leave out its"),
         (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
         ("Load cell (N)\n" + NUMBERS, STEP | {"load": "7"}, "no such column"),
@@ -559,7 +562,7 @@ def table(head, *columns):
 
 CHOSEN = r"""
 t (s),Torque (N m),WOB (kN) | tFL | force: column 2 .Torque. .N m.; load:\x20
-t (s),Drehmoment,Drehzahl (rpm) | tFv | column 2 .Drehmoment.; velocity:\x20
+t (s),Moment (NM),n (1/min) | tFv | column 2 .Moment. .N m.; velocity:\x20
 Time,DAQ.Fz (N),DAQ.Fx (N),DAQ.COF () | tLFm | column 3 .DAQ.Fx. .N.; load
 time (s),friction coefficient mu | tm | column 2 .friction coefficient mu.;
 Time,Analog 1; ms,Torque | tF | time: column 1 .Time. .ms.; force: .*Torque
@@ -677,6 +680,7 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     found = read_trace(tmp_path / "a.wav", force=":1 mN/counts")
     assert found["spring_force"].values == pytest.approx(counts)
     assert found["spring_force"].attrs["units"] == "mN"
+    assert found.attrs["note"].startswith("the samples of a sound are taken for a f")
     assert found["time"].values == pytest.approx(t)
     found.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"is a run: open it with load\(\)"):

@@ -22,6 +22,8 @@ _NAMED = {
 }
 _LABELS: dict[str, list[str]] = _TABLES["labels"]
 WEIGHTS: dict[str, str] = _TABLES["weights"]
+# kind of each unit whose prefix is not clear, as its case is not, and its meanings
+_UNCLEAR: dict[str, list[str]] = _TABLES["unclear"]
 _MOST_ROWS = 3  # number of lines above a table in which names of columns are expected
 _MOST_WORDS = max(name.count(" ") for name in _NAMED) + 1
 _PRODUCT_SIGNS = " *·.-"  # signs between the units of a product: N m, N·m, ft-lb
@@ -31,8 +33,21 @@ _DECADES = {"": 0} | {prefix: power for prefix, (_, power) in PREFIXES.items()}
 _ROUND = str.maketrans("[{<\uff08\u3010]}>\uff09\u3011", "((((()))))")
 _BRACKET = re.compile(r"\s*\(\s*(?:in\s+)?([^()]*?)\s*\)\s*")
 _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*[/,_.:|-]\s*|\s+")
-_INNER_CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+# where a unit may begin in camel case: timeMs, forceN, forcekN
+_INNER_CAPITAL = re.compile(r"(?<=[a-z])(?=[a-zµμ]?[A-Z])")
 _INNER_WORD = re.compile(r"(?<=[a-z])(?=[A-Z\d])")  # LoadCell1
+_POWER = r"(?:1?[eE][-+]\d+|1[eE]\d+|10(?:\^|\*\*)[-+]?\d+|10[⁻⁺]?[⁰¹²³⁴-⁹]+)"
+_TENS = rf"(?:{_POWER}|10+|0\.0*1)"
+# a power of ten in a name: x 1000, *1e3, /10, 1000 x, 10^3
+_FACTOR = re.compile(
+    rf"(?:(?<![a-zA-Z\d])x|[×*·]|(?<!\d)/)\s*{_TENS}(?![\w.])"
+    rf"|(?<![\w.])(?:{_TENS}\s*(?:x(?!\w)|[×*·])|{_POWER}(?![\w.]))"
+)
+# a number beside a unit: 10^3 N, x1000 N, N x 10^-3, and the range of a sensor, 500 N
+_NUMBER_AND_UNIT = re.compile(
+    rf"[x×*·]?\s*(?:{_TENS}|\d[\d.]*)\s*[x×*·]?\s*([^\d\s]\D*)"
+    rf"|(\D+?)\s*[x×*·]\s*{_TENS}"
+)
 # kinds of units that give the quantity of a column with an unknown name
 _SURE = {"force", "torque", "stress", "time"}
 
@@ -51,8 +66,9 @@ def unit_named(text: str) -> tuple[str, float] | None:
 
 def _simple_unit(plain: str) -> tuple[str, float] | None:
     """Return kind and size of a unit that is not a product; its case matters."""
-    if plain.lower() in _UNITS:
-        return _UNITS[plain.lower()]
+    for word in (plain, plain.lower()):
+        if word in _UNITS:
+            return _UNITS[word]
     if plain[-1:] in ("V", "A") and plain[:-1] in _DECADES:
         return "signal", float(f"1e{_DECADES[plain[:-1]]}")
     found = unit_size(plain)
@@ -88,6 +104,11 @@ def ratio(unit: str, of: str) -> float | None:
 def kind_of(unit: str) -> str:
     """Return the kind of quantity of a unit; an empty text if it is not known."""
     return (unit_named(unit) or ("",))[0]
+
+
+def _kind_of_some(unit: str) -> str:
+    """Return the kind of quantity of a unit whose size need not be clear."""
+    return kind_of(unit) or _UNCLEAR.get(unit, ("",))[0]
 
 
 def step_named(name: str, value: float, unit: str) -> float | None:
@@ -146,7 +167,8 @@ class Heading(NamedTuple):
         if known or at_end:
             found = (known or at_end)[0]
             around = cell[: found.start()], cell[found.end() :]
-            return cls(" ".join(filter(None, around)).strip(" ,:/_-"), found[1])
+            name = " ".join(filter(None, around)).strip(" ,:/_-")
+            return cls(name, found[1])._of_torque()
         if simple(cell) in _LABELS["times"]:
             return cls(cell, cell)
         # F_N is the normal force, F/N a force in N (ISO 80000), F_T/F_N a coefficient
@@ -155,23 +177,28 @@ class Heading(NamedTuple):
             return cls(cell)
         for found in _BEFORE_UNIT.finditer(cell):
             unit = cell[found.end() :].replace("_", "/")  # speed_mm_s
-            heading = cls(cell[: found.start()], unit)
+            heading = cls(cell[: found.start()], unit)._of_torque()
             if heading.name and heading._unit_fits():
                 return heading
         for found in _INNER_CAPITAL.finditer(cell):  # timeMs, forceN
-            unit = cell[found.end() :]
-            if len(unit) > 1:
-                unit = unit[0].lower() + unit[1:]
+            unit = _in_camel_case(cell[found.end() :])
             heading = cls(cell[: found.start()], unit)
             if _quantities_of(heading.name) and heading._unit_fits():
                 return heading
         return cls(cell)
 
+    def _of_torque(self) -> Self:
+        """Return the heading with N m for nm and NM, if its name is that of a torque,
+        which has no unit of length.
+        """
+        is_length = self.unit.lower() == "nm" and kind_of(self.unit) == "length"
+        return self._replace(unit="N m") if is_length and self._names_torque() else self
+
     def _unit_fits(self) -> bool:
         """Return whether the unit belongs to a quantity that the name means, or is
         clear without a known name.
         """
-        kind = kind_of(self.unit)
+        kind = _kind_of_some(self.unit)
         named = _quantities_of(self.name)
         if named:
             return any(kind in _TABLES["kinds"].get(each, ()) for each in named)
@@ -184,7 +211,7 @@ class Heading(NamedTuple):
         key of the table of names in headings.toml, or an empty text if neither is
         known.
         """
-        kind = kind_of(self.unit)
+        kind = _kind_of_some(self.unit)
         named = _quantities_of(self.name)
         if "aside" in named and kind in ("", *_TABLES["kinds"]["aside"]):
             return "aside"
@@ -210,10 +237,39 @@ class Heading(NamedTuple):
         """Whether a column of friction holds a torque."""
         if kind := kind_of(self.unit):
             return kind == "torque"
+        return self._names_torque()
+
+    def _names_torque(self) -> bool:
+        """Return whether the name is that of a torque."""
         return any(word in _LABELS["torques"] for word in simple(self.name).split())
+
+    @property
+    def unclear(self) -> str:
+        """What is not clear about the size of the numbers; empty if it is clear."""
+        if self.unit in _UNCLEAR:
+            return f"may be in {' or '.join(_UNCLEAR[self.unit][1:])}"
+        beside = None if kind_of(self.unit) else _NUMBER_AND_UNIT.fullmatch(self.unit)
+        if beside and _kind_of_some((beside[1] or beside[2]).strip()):
+            return f"has a number beside its unit, {self.unit}"
+        if found := _FACTOR.search(self.name):
+            return f"may have been multiplied or divided ({found[0].strip()})"
+        return ""
 
     def __str__(self) -> str:
         return self.name + (f" ({self.unit})" if self.unit else "")
+
+
+def _in_camel_case(unit: str) -> str:
+    """Return the unit that ends a name in camel case, where the first letter of each
+    word is a capital: ms in timeMs. A stress has a prefix in its own case, as none is
+    measured in mPa; MN may be mN, and is returned as mn, which is not clear.
+    """
+    if len(unit) == 1 or kind_of(unit) == "stress":
+        return unit
+    small = unit[0].lower() + unit[1:]
+    if kind_of(unit) not in ("force", "torque"):
+        return small
+    return unit if ratio(unit, small) in (1.0, None) else unit.lower()
 
 
 def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
@@ -279,7 +335,7 @@ def _joined(name: str, unit: str) -> Heading:
     plain = unit.strip("[]()")
     if plain and unit_named(plain) is None and _quantities_of(plain):
         return heading._replace(name=f"{heading.name} {plain}".strip())
-    return Heading(heading.name, plain or heading.unit)
+    return Heading(heading.name, plain or heading.unit)._of_torque()
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:

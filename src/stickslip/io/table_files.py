@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -26,19 +27,29 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
 """Errors of an archive that is damaged, or locked by a password."""
 _HEAD_OF_ZIP = 100  # bytes of an archive that hold the name of its first file
 _LARGEST = 100_000_000  # bytes of an unpacked file
-_EXPORTED: dict[bytes | tuple[bytes, ...], str] = {
-    b"CDF": "NetCDF: a run is opened with load(); write other columns as .csv",
-    b"\xd0\xcf\x11\xe0": "an old Excel file (.xls): save it as .xlsx or .csv",
-    b"PAR1": "Parquet: pandas.read_parquet(file).to_csv(...)",
-    b"\x1f\x8b": "packed by gzip: unpack it first",
-    b"SQLite format 3": "an SQLite database: export the table as .csv",
-    (b"{", b"[{", b"[["): "JSON: write the columns as .csv",
-    b"<": "HTML or XML: export the table as .csv",
-    b"%PDF": "a PDF: export the table as .csv",
-    (b"\x89PNG", b"\xff\xd8\xff"): "a picture: export the table as .csv",
-    b"\x80\x04": "a pickle of Python: write the columns as .csv or .npy",
+_SAVED = "in Python, save it: pandas.read_{}(file).to_csv('trace.csv', index=False)"
+_EXPORTED = {
+    rb"CDF": "NetCDF: a run is opened with load(); write other columns as .csv",
+    rb"\xd0\xcf\x11\xe0": "an old Excel file (.xls): save it as .xlsx or .csv",
+    rb"PAR1": f"Parquet: {_SAVED.format('parquet')}",
+    rb"ARROW1": f"Feather: {_SAVED.format('feather')}",
+    rb"\x1f\x8b": "packed by gzip: unpack it first",
+    rb"SQLite format 3": "an SQLite database: export the table as .csv",
+    # objects, one a line, or arrays of values, which a title in brackets is not
+    rb"(?:\xef\xbb\xbf)?\s*\{[^\n]*\}\s*\n\s*\{": (
+        "JSON, one object a line: "
+        + _SAVED.format("json").replace("(file)", "(file, lines=True)")
+    ),
+    rb"(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\"])": f"JSON: {_SAVED.format('json')}",
+    rb"(?:\xef\xbb\xbf)?\s*<": "HTML or XML: export the table as .csv",
+    rb"%PDF": "a PDF: export the table as .csv",
+    rb"\x89PNG|\xff\xd8\xff": "a picture: export the table as .csv",
+    rb"\x80[\x02-\x05]": "a pickle of Python: write the columns as .csv or .npy",
+    rb"\d{6}[DRQM] ": "miniSEED: in Python, obspy.read(file).write('trace', 'TSPAIR')",
 }
-"""Kinds of file that cannot be read, by their first bytes, and how to export them."""
+"""Kinds of file that cannot be read, by patterns of their first bytes, and how to
+export them.
+"""
 
 
 def read_table(
@@ -48,7 +59,7 @@ def read_table(
     if raw.startswith(_ZIP):
         raw = _unpacked(raw)
     for magic, export in _EXPORTED.items():
-        if raw.startswith(magic):
+        if re.match(magic, raw):
             raise InputError(f"is {export}")
     read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
     if read is None:
@@ -110,7 +121,8 @@ def _of_sound(raw: bytes) -> Table:
     rate, values = wavfile.read(io.BytesIO(raw))
     table = _of_arrays({"channel": values})
     counts = [Heading(name, "counts") for name, _ in table.headings]
-    return table._replace(headings=counts, step=1.0 / rate)
+    notes = ("the samples of a sound are taken for a force", *table.notes)
+    return table._replace(headings=counts, step=1.0 / rate, notes=notes)
 
 
 def _of_matlab(raw: bytes) -> Table:

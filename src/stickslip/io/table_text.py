@@ -117,8 +117,8 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
         return None, ""
     value = float(match[1].translate(_FORTRAN))
     unit = (match[2] or "").strip()
-    words = unit.split()
-    known = not words or any(unit_named(word) or unit_size(word) for word in words)
+    first = unit.split()[0] if unit else ""
+    known = not first or unit_named(first) or unit_size(first)
     return (value, unit) if known and math.isfinite(value) else (None, "")
 
 

@@ -11,6 +11,7 @@ from stickslip import words
 from stickslip.errors import InputError, instance, printable, shown
 from stickslip.io.headings import (
     Heading,
+    kind_of,
     ratio,
     simple,
     unit_named,
@@ -24,6 +25,14 @@ ColumnName = str | int | None
 """A column by its name, or by its number, counted from 1; None for automatic choice."""
 _VALUES = {"load": "'20 N'", "velocity": "--velocity '0.1 mm/s'"}
 """Quantities that may be given as values in place of a column."""
+_EXAMPLES = {
+    "time": "ms",
+    "force": "mN",
+    "displacement": "um",
+    "load": "kN",
+    "velocity": "mm/s",
+}
+"""A unit of each quantity."""
 _MOST_SHOWN = 20  # columns listed where the user must choose one
 _LONGEST_NAME = 28  # characters of a name in that list
 # Largest difference between two steps of a column that rises evenly, divided by the
@@ -89,14 +98,15 @@ def _range(values: Array) -> str:
 
 
 def choose(
-    table: Table, asked: Mapping[str, ColumnName], *, timed: bool
+    table: Table, asked: Mapping[str, ColumnName], *, timed: bool, scaled: bool
 ) -> tuple[dict[str, Choice], list[str]]:
     """Choose the columns that the user names, and the others by their names, units and
     numbers; return them with notes of the assumptions.
 
-    No column of times is needed if the rows are `timed` by a given step. Raises
-    `InputError` if no column, or several, could be the force or the time; its note is
-    a table of all columns.
+    No column of times is needed if the rows are `timed` by a given step; the force may
+    be `scaled` by a given factor. Raises `InputError` if no column, or several, could
+    be the force or the time; its note is a table of all columns; or if the size of its
+    numbers is not clear.
     """
     chosen = {
         name: _asked_for(table, name, wanted)
@@ -126,6 +136,15 @@ def choose(
             notes.append(f"times by the interval that the file gives, {each}")
         elif name in ("time", "force"):
             raise _question(table, name, found)
+    for name, choice in chosen.items():
+        is_given = kind_of(str(asked.get(name) or "").rpartition(":")[2].strip())
+        why = choice.heading.unclear
+        if why and not (is_given or name == "part" or (name == "force" and scaled)):
+            given = f"{choice.place + 1}:{_EXAMPLES[name]}"
+            raise InputError(
+                f"{choice} {why}; give the unit of the numbers as they are, such as "
+                f"--{name} {given} (in Python {name}={given!r})"
+            )
     return chosen, notes
 
 

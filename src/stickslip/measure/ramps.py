@@ -4,6 +4,7 @@ changes.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.ndimage import median_filter
 from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.io.headings import unit_named
+from stickslip.measure.regimes import regime
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider
@@ -33,6 +35,7 @@ in and at which it ends.
 """
 _LEVEL = 0.4  # default level of stick-slip, in f_s
 _WINDOW = 4.0  # length of a window in x_s, where the cycle is not known
+_MOST_STROKES = 8  # strokes that are listed
 _OF = {
     "peak_to_peak": "spring_force",
     "drive_velocity": "velocity",
@@ -169,11 +172,12 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         )
         width = 2.0 * (loading + trace.drive * period)
     gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
-    windows = f"windows of drive travel {width.max():.4g}"
+    unit = units_of(run.get("displacement"))
+    windows = f"windows of drive travel {engineering(width.max(), unit)}"
     if gone[-1] < 2:
         raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {windows}: "
-            "run it longer"
+            f"transitions: the drive travels {engineering(travel[-1], unit)}, less "
+            f"than 2 {windows}: run it longer"
         )
     begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
@@ -262,17 +266,41 @@ def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
 
 
 def in_words(run: xr.Dataset) -> str:
-    """Return in words between which velocities a run on a ramp stick-slips; empty for
-    another run.
+    """Return in words between which velocities a run on a ramp stick-slips, and the
+    motion in each stroke of a drive that turns back; empty for another run.
     """
-    drive = np.abs(np.asarray(run.get("drive_velocity", 0.0), dtype=float))
-    if not np.ptp(drive) > 2.0 * CONSTANT_DRIVE * drive.max():
-        return ""
-    begin = "the velocity of the drive changes"
+    drive = np.atleast_1d(np.asarray(run.get("drive_velocity", 0.0), dtype=float))
+    moving = np.flatnonzero(drive)
+    turns = moving[1:][np.diff(np.sign(drive[moving])) != 0]
+    if not turns.size:
+        words = _of_one_way(run) if _changes(drive) else ""
+        return words and f"the velocity of the drive changes; {words}"
+    lines = [f"the drive turns back: {turns.size + 1} strokes, each by itself"]
+    for begin, end in pairwise([0, *turns[:_MOST_STROKES].tolist(), drive.size]):
+        if len(lines) > _MOST_STROKES:
+            lines.append(f"and {turns.size + 1 - _MOST_STROKES} more")
+            break
+        stroke = run.isel(time=slice(begin, end))
+        times = stroke["time"]
+        first, last = (engineering(float(times[i]), units_of(times)) for i in (0, -1))
+        lines.append(f"{first} to {last}: {_of_one_way(stroke)}")
+    return "\n".join(lines)
+
+
+def _changes(drive: Array) -> bool:
+    """Return whether the velocity of a drive changes."""
+    speed = np.abs(drive)
+    return bool(np.ptp(speed) > 2.0 * CONSTANT_DRIVE * speed.max())
+
+
+def _of_one_way(run: xr.Dataset) -> str:
+    """Return in words the motion in a run whose drive does not turn back."""
     try:
+        if not _changes(run["drive_velocity"].values):
+            return str(regime(run)).partition("\n")[0]
         found = transitions(run)
     except (InputError, UndecidedError) as error:
-        return f"{begin}; {error}"
+        return str(error).removeprefix("transitions: ")
     directions = []
     for way, how, *names in _WAYS:
         at = {
@@ -291,5 +319,5 @@ def in_words(run: xr.Dataset) -> str:
         if events:
             directions.append(f"{how}, it {listed(events)}")
     if not directions:
-        return f"{begin}; {found.attrs['notes']}"
-    return f"{begin}; stick-slip: {'; '.join(directions)}"
+        return str(found.attrs["notes"])
+    return f"stick-slip: {'; '.join(directions)}"

@@ -150,7 +150,9 @@ def read_trace(
             "velocity": velocity,
         }
         interval = seconds or table.step or 0.0
-        chosen, taken = choose(table, asked, timed=bool(seconds))
+        chosen, taken = choose(
+            table, asked, timed=bool(seconds), scaled=scale is not None
+        )
         if seconds:
             chosen.pop("time", None)
             taken += _other_time(table, seconds)

@@ -135,7 +135,7 @@ class Record(NamedTuple):
         if along is not None:
             place = rows[along].to_numpy()
             if "velocity" in along:
-                speed_unit = "rev/min" if length.lower() == "rpm" else length
+                speed_unit = "rev/min" if ratio(length, "rpm") == 1.0 else length
                 length, _, per = speed_unit.partition("/")
                 # the times may have another unit than that in the velocity
                 scale = ratio(clock, per) or 1.0
