@@ -200,6 +200,9 @@ class FromRest:
     distribution.
     """
 
+    def __str__(self) -> str:
+        return "rest"
+
 
 @dataclass(frozen=True, kw_only=True)
 class FromSliding(Record):
@@ -220,6 +223,13 @@ class FromSliding(Record):
 
     perturbation: Profile = 0.0
     at_rest: Annotated[int, Number(at_least=0, hint="number of blocks")] = 0
+
+    def __str__(self) -> str:
+        given = self.perturbation
+        largest = max(map(abs, given if isinstance(given, tuple) else (given,)))
+        perturbed = f" at a velocity perturbed by {100 * largest:.3g} %"
+        blocks = f", the first {self.at_rest} blocks at rest"
+        return f"smooth sliding{perturbed * (largest > 0)}{blocks * (self.at_rest > 0)}"
 
 
 @dataclass(frozen=True, kw_only=True)

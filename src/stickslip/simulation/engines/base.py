@@ -145,7 +145,7 @@ class Beginning:
         )
         if of_blocks and not elastic:
             raise InputError(
-                f"Rig.start = {start}: is for an elastic slider, a Chain or a Sheet; "
+                f"Rig.start = {start!r}: is for an elastic slider, a Chain or a Sheet; "
                 "start FromRest()"
             )
         if not self.sliding:
