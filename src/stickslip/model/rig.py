@@ -86,6 +86,7 @@ class Operation(Record):
         for row in rows:
             if len(row) != 3 or not isinstance(row[0], str):
                 raise refused("Operation.feasible", row, f"must be {words}")
+            parameter_named(row[0], "Operation.feasible")
             ranges[f"feasible[{row[0]}]"] = row[1:]
         for name, ends in ranges.items():
             place = f"Operation.{name}"
