@@ -328,22 +328,37 @@ def _axis(
     place = f"axes.{name}"
 
     def value(given: object, place: str) -> Any:
-        if name == "start":
-            return _START.read(given, place, natural=True)
-        if name in OTHERS:
-            return whole(place, given, at_least=name == "contacts", at_most=2**53 - 1)
-        parameter = BY_NAME[name]
-        sign = "at least 0" if parameter.zero else "above 0"
-        return read(given, place, parameter.unit, sign=sign)
+        return _on_axis(name, given, place, read)
 
     if isinstance(given, Span):
         value(given.low, f"{place}.from")
         return given
-    if not isinstance(given, Mapping) or name == "start":
-        listed = sequence(
-            place, given, "a list of values, or a table with from, to and count"
-        )
-        return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
+    if isinstance(given, Mapping) and name != "start":
+        return _spaced(name, given, value, most)
+    listed = sequence(
+        place, given, "a list of values, or a table with from, to and count"
+    )
+    return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
+
+
+def _on_axis(name: str, given: object, place: str, read: Callable[..., float]) -> Any:
+    """Read one value of an axis."""
+    if name == "start":
+        return _START.read(given, place, natural=True)
+    if name in OTHERS:
+        return whole(place, given, at_least=name == "contacts", at_most=2**53 - 1)
+    parameter = BY_NAME[name]
+    sign = "at least 0" if parameter.zero else "above 0"
+    return read(given, place, parameter.unit, sign=sign)
+
+
+def _spaced(
+    name: str, given: Mapping[str, Any], value: Callable[[object, str], Any], most: int
+) -> tuple[Any, ...] | Span:
+    """Return the values of a table ``{from, to, count, spacing}``; a `Span` if the
+    count is missing.
+    """
+    place = f"axes.{name}"
     _check_keys(given, ("from", "to", "count", "spacing"), place)
     for key in ("count",) if name == "seed" else ("from", "to"):
         if key not in given:
