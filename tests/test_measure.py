@@ -390,9 +390,8 @@ def assert_shows(seen, field, value):
         assert seen.trend != pytest.approx(1.0, abs=0.05)
     elif field == "end":
         ends = re.findall(r"stick-slip until ([\d.]+)|^1 +\S+ +(\S+)", str(seen), re.M)
-        assert [float("".join(end)) for end in ends] == pytest.approx(
-            2 * [value], abs=1
-        )
+        both = [float("".join(end)) for end in ends]
+        assert both == pytest.approx(2 * [value], abs=1)
     elif field == "says":
         assert value in str(seen)
     elif field == "note":
@@ -410,6 +409,7 @@ def test_regime_of_a_force_and_what_it_shows(name):
     force, kind, shows = FORCES[name]
     seen = regime(eval(force))
     assert kind in ("-", seen.kind), str(seen)
+    assert seen.cycles > 3 or not re.search("1 cycle |second half", str(seen))
     for field, value in shows.items():
         assert_shows(seen, field, value)
 

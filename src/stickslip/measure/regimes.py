@@ -162,8 +162,8 @@ class Regime(Answer):
     def is_noise(self) -> bool:
         """Whether the force fluctuates by no more than the noise of its contacts."""
         passed = {row.name: row.passed for row in self.table}
-        swings = self.kind == SMOOTH and passed.get(SWING, False)
-        return swings and not passed.get(NOISE, True)
+        is_quiet = not passed.get(NOISE, True)
+        return self.kind == SMOOTH and passed.get(SWING, False) and is_quiet
 
     def __eq__(self, other: object) -> bool:
         # NaN equals NaN
@@ -208,16 +208,16 @@ class Regime(Answer):
             f"{words.engineering(end, unit)}; {self.quantity} {mean} on average, peak "
             f"to peak {swing}, noise {noise}",
         ]
-        if self.cycles:
-            text = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
-            text += f", drop {drop}{_variation(self.drop_variation)}"
+        if self.cycles > 1:  # one drop, as of a relaxation, does not recur
+            text = f"{self.cycles} cycles in this window, drop {drop}"
+            text += _variation(self.drop_variation)
             if math.isfinite(self.period):
                 period = words.engineering(self.period, self.time_unit)
                 text += f", period {period}{_variation(self.period_variation)}"
             if math.isfinite(self.slip_phase):
                 text += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
             lines.append(text)
-        if math.isfinite(self.trend):
+        if self.cycles >= FEWEST_CYCLES and math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.loading_rate is not None and self.falling_rate is not None:
             lines.append(self._rates(self.loading_rate, self.falling_rate))
@@ -363,9 +363,9 @@ def _late_window(trace: Trace) -> Window:
     first = max(first, int(np.searchsorted(trace.t, trace.steady_load_from)))
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return Window.of(trace)
-    end = trace.t[-1]
+    way = trace.t[-1] - trace.t[first]
     for part in (LATE_PART, 2.0 * LATE_PART):
-        late = Window.of(trace.part(end - part * (end - trace.t[first])))
+        late = Window.of(trace.part(trace.t[-1] - part * way))
         is_long = late.trace.t.size >= FEWEST_READINGS
         if is_long and not 0 < late.slips.size <= FEWEST_CYCLES:
             break
@@ -547,6 +547,7 @@ def _settled(later: Trace, size: float) -> Window | None:
     """
     window = Window.of(later)
     variance = window.trace.without_line.var() - window.slips.noise**2
+    # as a sawtooth, peak to peak
     return window if 12.0 * variance < (CLIMBS * size) ** 2 else None
 
 
@@ -694,8 +695,9 @@ def _judge(window: Window) -> Regime:
         count = seen.cycles.count
         period = seen.cycles.period
         variation = seen.cycles.variation
-    slips_or_lasts = kind in (SLIPS, LASTS)
-    shows_loading = trace.pace is None and slips_or_lasts and seen.loading.rate > 0
+    shows_loading = (
+        trace.pace is None and kind in (SLIPS, LASTS) and seen.loading.rate > 0
+    )
     drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
