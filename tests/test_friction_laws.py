@@ -289,9 +289,8 @@ def test_iterates_that_overflow_do_not_end_the_search_for_roots():
     heavy = ss.LogNormal(mean=1.0, std=0.8)
     held = bench(contacts(width=None, ageing=0.1, thresholds=heavy), 0.5, 3.0)
     held = held.replace(mass=1e-4, damping=10.0)
-    s = ss.growth_rate(held)
-    kappa = complex(dynamic_stiffness(held.interface, 3.0, s))
-    assert abs(held.slider(s) + kappa) < 1e-5
+    with pytest.raises(ss.UndecidedError, match="as the tail of the distribution"):
+        ss.growth_rate(held)
 
 
 def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_damping():

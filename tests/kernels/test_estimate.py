@@ -413,12 +413,12 @@ def test_a_search_of_more_than_a_minute_is_announced(monkeypatch, caplog):
     assert re.match(r"delay from .* to .*: about .* on one core: 2 runs, ", said)
 
 
-@pytest.mark.parametrize(("side", "count"), [(0.0, 10**6), (1.0, 64)])
-def test_modes_that_would_take_too_much_are_refused(side, count):
+@pytest.mark.parametrize("side", [0.0, 1.0])
+def test_modes_that_would_take_too_much_are_refused(side):
     springs = {"coupling": 5.0, "leaf": 1.0, "side": side}
     body = ss.Chain(blocks=10**8, mass=1e-2, damping=1.0, **springs)
     with pytest.raises(ss.InputError, match=r"^modes: count = .*; give at most"):
-        ss.elastic.modes(replace(RIG, slider=body), count=count)
+        ss.elastic.modes(replace(RIG, slider=body), count=10**6)
 
 
 def test_an_answer_on_more_blocks_than_memory_takes_is_refused():

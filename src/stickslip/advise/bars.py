@@ -35,6 +35,7 @@ from stickslip.elastic.modes import (
     sliders_of,
 )
 from stickslip.errors import InputError, UndecidedError
+from stickslip.loops import bounded
 from stickslip.measure.fronts import large_events
 from stickslip.model import Chain, ElasticBody, Slider, parameters
 from stickslip.model.drive import constant
@@ -100,10 +101,12 @@ def predict_waves(
     shown = [*dict.fromkeys(sliders)][:_WAVES]
     left = ["growth rates"]
     fastest = None
+    turns = bounded("predict_waves", len(sliders))
     with suppress(BudgetExhausted):
         fastest = _fastest(rig, growing, budget)
         # from the last one on, those that grow where none of the others does
         while shown or (shown := _missed(rig, sliders, waves, speeds, budget)):
+            next(turns)  # each time another mode
             slider = shown.pop(0)
             row = rows[sliders.index(slider)]
             waves[slider] = _wave(rig, row, speeds, budget)
@@ -205,7 +208,9 @@ def _fastest(rig: Rig, growing: Sequence[Slider], budget: Budget) -> Slider | No
 
     step = math.ceil(len(growing) / _FIRST)
     best = max(range(0, len(growing), step), key=growth)
+    turns = bounded("fastest mode", _MODES)
     while step > 1:
+        next(turns)  # it is halved
         step = math.ceil(step / 2)
         last = min(best + step, len(growing) - 1)
         best = max(range(max(best - step, 0), last + 1, step), key=growth)
