@@ -19,8 +19,7 @@ from stickslip import fitting, rigid
 from stickslip.cycles import is_sustained
 from stickslip.errors import LARGEST, LONGEST_MESSAGE, SMALLEST, number, together
 from stickslip.io.datasets import provenance
-from stickslip.model import SteadyState
-from stickslip.model.drive import Drive, Piece
+from stickslip.model.drive import Drive
 from stickslip.stability import contact_noise, dynamic_stiffness
 from stickslip.theory import attached_fraction, closure_friction
 
@@ -72,8 +71,6 @@ REFUSED = (
     r"^Gaussian\.lower = 2: less than one .* raise the mean \(1\)",
     lambda: ss.Gaussian(mean=-1, std=0.1).positive(),
     r"^Gaussian\.lower = 0: less than one value in a million",
-    lambda: ss.Uniform(low=-2, high=-1).positive(),
-    r"^Uniform\(low=-2\.0.*: less than one value in a million lies",
     lambda: ss.Empirical((0, 1), (1, 2)),
     "^Empirical: 2 edges and 2 weights: must be one edge more",
     lambda: ss.Empirical((0, 2, 1), (1, 2)),
@@ -84,10 +81,6 @@ REFUSED = (
     r"^Empirical\.from_samples: needs at least two different",
     lambda: ss.Empirical.from_samples(["a"]),
     r"^Empirical\.from_samples = .*: must be a number or an array",
-    lambda: SteadyState(thresholds=3.0),
-    r"^SteadyState\.thresholds = 3\.0: must be a distribution",
-    lambda: ss.Delay(-0.1),
-    r"^Delay\.time = -0\.1: must be a number at least 0 \(the delay time tau_d\)",
     lambda: ss.RandomDelay(mean=0.1, std=1e-20),
     r"^RandomDelay\.std = 1e-20: .* use Delay",
     lambda: ss.RandomDelay(mean=1, std=1, negative="drop"),
@@ -104,20 +97,12 @@ REFUSED = (
     "units of x_s, the breaking displacement",
     lambda: interface(newborn=ss.Gaussian(1.5, 0.3)),
     "newborn = .*would start beyond the largest threshold",
-    lambda: interface(sliding_force=-0.1),
-    "^Interface.sliding_force = -0.1: must be .* at least 0",
-    lambda: ss.constant(math.nan, 1),
-    "^drive velocity = nan: must be a finite number",
     lambda: ss.constant(0),
     "^constant: velocity = 0 needs a duration",
     lambda: ss.constant(1, 1).until(3.0),
     r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow",
-    lambda: ss.constant(1, 1).then(3.0),
-    r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)",
     lambda: Drive(()),
     r"^Drive\.pieces: must hold at least one piece; make one with constant\(\) or",
-    lambda: Drive([Piece(start=1, end=1, duration=1)]),
-    r"^Drive\.pieces = \[.*: must be a tuple of pieces",
     lambda: Drive((1.0,)),
     r"^Drive\.pieces\[0\] = 1\.0: must be a piece",
     lambda: attached_fraction(AGEING, 1.0),
@@ -178,8 +163,6 @@ REFUSED = (
     "velocity = 1e-25 x_s/time: the .* give at least",
     lambda: ss.sustained(RIG, "velocity", between=(0.5, 2.0), points=10**9),
     "^points = .*: must be a finite number at least 1 and at most 10000",
-    lambda: is_sustained(RIG.replace(mass=0.0)),
-    "mass above 0",
     lambda: is_sustained(RIG.replace(interface=AGEING)),
     "ageing",
     lambda: contact_noise(RIG.replace(method=ss.MasterEquation())),
@@ -198,8 +181,6 @@ REFUSED = (
     "scatter = 0.1: not available with",
     lambda: fitting.bench.read_known({"speed": "1 mm/s"}),
     "known: 'speed': is called 'velocity' now",
-    lambda: fitting.synthetic_trace(stiffness_ratio=0),
-    "^stiffness_ratio = 0: must be .* at least 0.0001 and at most 1000",
     lambda: ss.rate_and_state(INTERFACE, law=np.array([1.0, 2.0])),
     "law = array.*: must be 'best', 'ageing' or 'slip'",
     lambda: ss.sweep.Refinement(resolution=1),
@@ -214,8 +195,6 @@ REFUSED = (
     "closure has no delay",
     lambda: ss.velocity_step(WARM, before=0.0, after=1.0, distance=1.0),
     "^velocity_step: before = 0",
-    lambda: ss.velocity_step(WARM, **STEP, stiffness=-1.0),
-    "stiffness = -1",
     lambda: ss.slide_hold_slide(WARM, velocity=1.0, holds=(1.0, -2.0)),
     r"holds\[1\] = -2",
     lambda: ss.velocity_step(INTERFACE, **STEP, stiffness=1.0),

@@ -237,14 +237,8 @@ slips of 12 samples: undecided | says="record more often"
     bench(samples=12, noise=0.2)[0]
 slips below noise: stick-slip | periodic=True
     alone(20.0, 0.01, "5.0 + 0.8 * (t / 2 % 1)", 0.2, 3)
-slips in noise: undecided | says="record more often"
-    alone(40.0, 0.02, "8 + (t + 0.3 * np.sin(0.7 * t)) % 1", 0.4, 5)
-too few samples: undecided | says="record more often"
-    alone(2.0, 0.01, "5 + 0 * t", 0.5)
 slow noise: smooth sliding | normal=True
     alone(200.0, 0.01, "5.0 + 0.3 * slow(t.size)")
-beside that of a sensor: smooth sliding | normal=True
-    alone(130.0, 0.01, "4.0 + 0.05 * slow(t.size, memory=0.9)", 0.05)
 noise of 300 contacts: - | contacts=False
     of_contacts(300)
 more than of a million: - | contacts=True
@@ -261,8 +255,6 @@ stuck all the time: undecided | says="a longer run would decide"
     with_motion(np.arange(0.0, 9.0, 0.01), np.arange(1.0, 19.0, 0.02))
 a constant: undecided | says="sensor"
     alone(100.0, 0.05, "3.0 + 0 * t")
-half a period: undecided | says="stiffness and velocity"
-    alone(100.0, 0.05, "0.5 + 0.3 * np.cos(0.05 * t)")
 three slips: undecided | says="1 more, about"
     trace(*even_sawtooth(cycles=3))
 few slips: stick-slip | periodic=True
@@ -289,8 +281,6 @@ mirrored: undecided | says="flip=True"
     6.0 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0]
 pulled backwards, off zero: stick-slip | drop=1.21
     4.8 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0]
-mirrored, restless: undecided | says="flip=True"
-    0.1 - paper("k168_v1100")
 of either sign: - | says="133 % of the largest force"
     alone(9.0, 0.01, "-0.5 - tone(1.0, t)")
 flipped: stick-slip
@@ -317,8 +307,6 @@ in many parts: undecided | says="8 parts in turn (4 stick-slip, 4 smooth sliding
     alone(160.0, 0.01, "np.where(t % 40 < 20, 3 + t % 1, 3.5)", 0.01)
 slips that stop: undecided | parts=["stick-slip", "smooth sliding"]
     stops(20.0, 0.01)
-that stop late: undecided | parts=["stick-slip", "smooth sliding"]
-    stops(35.0, 0.0)
 that become a sine: - | end=35.3
     alone(50, 0.01, "2 + np.where(t < 35.3, t % 1, 0.5 + tone(0.5, 2 * t))", 0.02, 5)
 smaller ones: stick-slip | parts=["stick-slip", "stick-slip"]
@@ -327,8 +315,6 @@ that hum: stick-slip | drop=1.0
     alone(60.0, 0.001, "3 + t % 1 + tone(0.15, 50 * t)")
 in pulls: stick-slip | note="unloaded for 20"
     alone(80.0, 0.01, "np.where(t % 20 < 15, 3 + t % 1, 0)", 0.003)
-smooth pulls: smooth sliding | note="unloaded for 20"
-    alone(80.0, 0.01, "np.where(t % 20 < 15, 5, 0)", 0.02)
 two strokes: smooth sliding | half_width=5.0
     alone(40.0, 0.01, "np.where(t < 20, 5, -5)", 0.02)
 in one half: undecided | says="a part of the window"
@@ -355,8 +341,6 @@ slips after a noisy rise: stick-slip | parts=[]
     alone(60.0, 0.002, "np.minimum(t / 10, 2.5 + (t - 25) / 10 % 0.5)", 0.08)
 paper, K 168, V 42: stick-slip | periodic=False
     paper("k168_v42")
-paper, K 168, V 1100: stick-slip | periodic=False
-    paper("k168_v1100")
 paper, K 1002, V 42: stick-slip | periodic=False
     paper("k1002_v42")
 paper, K 1002, V 4300: sustained oscillation | periodic=True
