@@ -244,7 +244,7 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
 
 MAGIC = {b"PAR1": "Parquet: .*read_parquet", b'[\n {"t":': "JSON: .*read_json"}
 UNCLEAR = """F x 1000 (N)=mult,F (N) /10=div,1e3*F (N)=mult,forceMN=mN or MN,\
-F (10^3 N)=a number beside,Load cell (500 N)=number,F (mn)=mN or MN"""
+F (10^3 N)=number,Load cell (500 N)=number,F (mn)=mN or MN,ln(F) (N)=a function"""
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,11 @@ _FACTOR = re.compile(
     rf"(?:(?<![a-zA-Z\d])x|[×*·]|(?<!\d)/)\s*{_TENS}(?![\w.])"
     rf"|(?<![\w.])(?:{_TENS}\s*(?:x(?!\w)|[×*·])|{_POWER}(?![\w.]))"
 )
+# a function of what was measured: ln(F), F^2, 1/F, dF/dt
+_FUNCTION = re.compile(
+    r"\b(?:ln|lg|log(?:10|2)?|sqrt|diff)\s*\(|[a-z]\^[-\d]|\bd\w+/dt\b|^1/(?=[a-z])",
+    re.IGNORECASE,
+)
 # a number beside a unit: 10^3 N, x1000 N, N x 10^-3, and the range of a sensor, 500 N
 _NUMBER_AND_UNIT = re.compile(
     rf"[x×*·]?\s*(?:{_TENS}|\d[\d.]*)\s*[x×*·]?\s*([^\d\s]\D*)"
@@ -253,6 +258,8 @@ class Heading(NamedTuple):
             return f"has a number beside its unit, {self.unit}"
         if found := _FACTOR.search(self.name):
             return f"may have been multiplied or divided ({found[0].strip()})"
+        if _FUNCTION.search(self.name):
+            return f"may be a function of what was measured ({self.name})"
         return ""
 
     def __str__(self) -> str:
