@@ -285,6 +285,7 @@ def test_critical_spring(std, width, stiffness, frequency):
     assert edge.regains_stability
 
 
+@pytest.mark.slow
 def test_iterates_that_overflow_do_not_end_the_search_for_roots():
     heavy = ss.LogNormal(mean=1.0, std=0.8)
     held = bench(contacts(width=None, ageing=0.1, thresholds=heavy), 0.5, 3.0)

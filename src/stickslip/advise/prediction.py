@@ -181,7 +181,11 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     budget = Budget(_FOR_VERDICT)
     low, high = _speeds_searched(rig)
     modes, note = _linear(rig)
-    growth, frequency = (None, None) if note else by_theory.fastest_mode(rig)
+    growth = frequency = None
+    # The slowest decay of contacts that age, or break by heat, takes up to half a
+    # minute: growth_rate() gives it.
+    if not note and (modes or not is_expensive(rig)):
+        growth, frequency = by_theory.fastest_mode(rig)
     report(0.2)
     run = _first_run(rig, part(report, 0.2, 0.9))
     shown = _shown(rig, modes, budget, run)
