@@ -524,9 +524,9 @@ def _skip_transient(seen: Window, latest: float) -> Window:
     found = seen.slips
     drops = found.drops[trace.t[found.end] <= latest]
     if not drops.size:
-        falls = found.cut and trace.t[0] < latest
-        later = trace.part(latest)
-        return _settled(later, float(np.ptp(trace.force))) or seen if falls else seen
+        if not found.cut or trace.t[0] >= latest:
+            return seen
+        return _settled(trace.part(latest), float(np.ptp(trace.force))) or seen
     small = drops < CLIMBS * drops[0]
     count = int(np.argmax(small)) if small.any() else drops.size
     shrinks = np.all(np.diff(drops[: count + 1]) <= ERRORS * found.noise)
@@ -536,15 +536,17 @@ def _skip_transient(seen: Window, latest: float) -> Window:
         return seen
     rest = trace.part(trace.t[found.end[count - 1]])
     begin = rest.t[_first_usual(rest)]
-    if begin > latest or rest.part(begin).t.size < FEWEST_READINGS:
+    if begin > latest:
         return seen
     return _settled(rest.part(begin), float(drops[0])) or seen
 
 
 def _settled(later: Trace, size: float) -> Window | None:
     """Return the window of a later part of a trace, if its scatter is that of a
-    sawtooth less than half of a size; else None.
+    sawtooth less than half of a size; else, or if it has too few readings, None.
     """
+    if later.t.size < FEWEST_READINGS:
+        return None
     window = Window.of(later)
     variance = window.trace.without_line.var() - window.slips.noise**2
     # as a sawtooth, peak to peak
