@@ -162,8 +162,8 @@ class Regime(Answer):
     def is_noise(self) -> bool:
         """Whether the force fluctuates by no more than the noise of its contacts."""
         passed = {row.name: row.passed for row in self.table}
-        is_quiet = not passed.get(NOISE, True)
-        return self.kind == SMOOTH and passed.get(SWING, False) and is_quiet
+        swings = self.kind == SMOOTH and passed.get(SWING, False)
+        return swings and not passed.get(NOISE, True)
 
     def __eq__(self, other: object) -> bool:
         # NaN equals NaN
@@ -363,9 +363,9 @@ def _late_window(trace: Trace) -> Window:
     first = max(first, int(np.searchsorted(trace.t, trace.steady_load_from)))
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return Window.of(trace)
-    way = trace.t[-1] - trace.t[first]
+    end = trace.t[-1]
     for part in (LATE_PART, 2.0 * LATE_PART):
-        late = Window.of(trace.part(trace.t[-1] - part * way))
+        late = Window.of(trace.part(end - part * (end - trace.t[first])))
         is_long = late.trace.t.size >= FEWEST_READINGS
         if is_long and not 0 < late.slips.size <= FEWEST_CYCLES:
             break
@@ -697,9 +697,8 @@ def _judge(window: Window) -> Regime:
         count = seen.cycles.count
         period = seen.cycles.period
         variation = seen.cycles.variation
-    shows_loading = (
-        trace.pace is None and kind in (SLIPS, LASTS) and seen.loading.rate > 0
-    )
+    slips_or_lasts = kind in (SLIPS, LASTS)
+    shows_loading = trace.pace is None and slips_or_lasts and seen.loading.rate > 0
     drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
