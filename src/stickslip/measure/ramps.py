@@ -275,15 +275,15 @@ def in_words(run: xr.Dataset) -> str:
     if not turns.size:
         words = _of_one_way(run) if _changes(drive) else ""
         return words and f"the velocity of the drive changes; {words}"
-    lines = [f"the drive turns back: {turns.size + 1} strokes, each by itself"]
-    for begin, end in pairwise([0, *turns[:_MOST_STROKES].tolist(), drive.size]):
-        if len(lines) > _MOST_STROKES:
-            lines.append(f"and {turns.size + 1 - _MOST_STROKES} more")
-            break
+    strokes = [*pairwise([0, *turns.tolist(), drive.size])]
+    lines = [f"the drive turns back: {len(strokes)} strokes, each by itself"]
+    for begin, end in strokes[:_MOST_STROKES]:
         stroke = run.isel(time=slice(begin, end))
         times = stroke["time"]
         first, last = (engineering(float(times[i]), units_of(times)) for i in (0, -1))
         lines.append(f"{first} to {last}: {_of_one_way(stroke)}")
+    if len(strokes) > _MOST_STROKES:
+        lines.append(f"and {len(strokes) - _MOST_STROKES} more")
     return "\n".join(lines)
 
 
