@@ -83,7 +83,7 @@ def _patch(kind: str) -> Patch:
     hatch = "....." if kind == "unknown" else None
     return Patch(
         label=_BY_THEORY.get(kind, kind),
-        facecolor=COLOURS.get(kind, "#FFFFFF"),
+        facecolor=_colour(kind),
         hatch=hatch,
         **EDGE,
     )
@@ -186,13 +186,18 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     ax.set_title("force at its speed", fontsize=8)
 
 
+def _colour(kind: str) -> str:
+    """Return the colour of a kind of motion; white where that is not known."""
+    return COLOURS.get(kind, "#FFFFFF")
+
+
 def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
     for low, high in ranges:
         ax.barh(
             row,
             high - low,
             left=low,
-            color=COLOURS.get(kind, "#FFFFFF"),
+            color=_colour(kind),
             height=0.62,
             linewidth=0,
         )
@@ -283,7 +288,7 @@ def waves(answer: Any) -> Figure:
     return legend_below(
         figure,
         [
-            Patch(facecolor=COLOURS.get(kind, "#FFFFFF"), label=name, **EDGE)
+            Patch(facecolor=_colour(kind), label=name, **EDGE)
             for kind, name in named.items()
         ],
     )
